@@ -1,0 +1,176 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is left after failures: the new kinematics and whether they will do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.kinematics.differential import (
+    DifferentialKinematics,
+    differential_kinematics,
+)
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.rows import StrutRows
+from fault_tolerance.kinematics.subspaces import adds_rank, rank
+from fault_tolerance.mechanism.task import COORDINATES
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a manipulator in this state can do its task, and why (not).
+
+    Attributes
+    ----------
+    stable : bool
+        No motion of the platform escapes the drives.
+    tolerable : bool
+        Stable, and every major coordinate can still be given independently.
+    mobility : int
+        Degrees of freedom the drives control.
+    lost, gained : tuple of str
+        Coordinates that were independent of those before them (major ones first) and are no
+        longer, and the reverse among all six.
+    drifting : tuple of str
+        Coordinates that move with every drive at rest.
+    reason : str
+        A sentence.
+    """
+
+    stable: bool
+    tolerable: bool
+    mobility: int
+    lost: tuple[str, ...]
+    gained: tuple[str, ...]
+    drifting: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class PostFailure:
+    """Nominal and present kinematics at one configuration, with the verdict on the present."""
+
+    rows: StrutRows
+    failures: FailureSet
+    nominal: DifferentialKinematics
+    present: DifferentialKinematics
+    verdict: Verdict
+
+
+def reconfigured(
+    rows: StrutRows,
+    failures: FailureSet | None = None,
+    nominal: DifferentialKinematics | None = None,
+) -> PostFailure:
+    """Return the kinematics with ``failures`` present, from the nominal rows.
+
+    Parameters
+    ----------
+    rows : StrutRows
+        Of the complete mechanism at the present configuration.
+    failures : FailureSet, optional
+        All failures present, however and in whatever order they came.
+    nominal : DifferentialKinematics, optional
+        Of the same rows without failures, where the caller has it already.
+    """
+    failures = failures or FailureSet()
+    if nominal is None:
+        nominal = differential_kinematics(rows)
+    present = differential_kinematics(rows, failures) if failures else nominal
+    return PostFailure(rows, failures, nominal, present, verdict(rows, failures, nominal, present))
+
+
+def verdict(
+    rows: StrutRows,
+    failures: FailureSet,
+    nominal: DifferentialKinematics,
+    present: DifferentialKinematics,
+) -> Verdict:
+    """Return the verdict on ``present`` kinematics that were ``nominal`` before ``failures``."""
+    task = rows.mechanism.task
+    names = _twist_names(rows)
+    order = [*task.by_priority, *(name for name in names if name not in task.coordinates)]
+    places = [names.index(name) for name in order]
+    scale = rows.twist_scale[places, None]
+    before = adds_rank(nominal.twist_jacobian[places] * scale)
+    after = adds_rank(present.twist_jacobian[places] * scale)
+    in_task = len(task.coordinates)
+    lost = tuple(
+        name
+        for name, was, is_ in zip(order[:in_task], before, after, strict=False)
+        if was and not is_
+    )
+    gained = tuple(
+        name for name, was, is_ in zip(order, before, after, strict=True) if is_ and not was
+    )
+    drifting = _drifting(present, rows)
+    major = rank(present.major * _major_scale(rows))
+    tolerable = present.stable and major == len(task.major)
+    reason = _reason(failures, drifting, lost, gained, tolerable, _missing(rows, after, order))
+    return Verdict(
+        present.stable, tolerable, present.mobility, lost, gained, drifting, reason
+    )
+
+
+def failures_in_words(failures: FailureSet) -> str:
+    """Return, for example, ``theta_4 stuck, theta_2 free, strut_3 lost``."""
+    words = [f'{name} stuck' for name in failures.stuck]
+    words += [f'{name} free' for name in failures.free]
+    words += [f'{name} lost' for name in failures.lost]
+    return ', '.join(words) if words else 'no failure'
+
+
+def _twist_names(rows: StrutRows) -> tuple[str, ...]:
+    if len(rows.twist_scale) == len(COORDINATES):
+        return COORDINATES
+    return rows.mechanism.task.coordinates
+
+
+def _major_scale(rows: StrutRows) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    task = rows.mechanism.task
+    return rows.twist_scale[rows.task_rows[task.major_rows], None]
+
+
+def _missing(rows: StrutRows, after: tuple[bool, ...], order: list[str]) -> tuple[str, ...]:
+    """Return the major coordinates that cannot be given independently."""
+    major = rows.mechanism.task.major
+    return tuple(name for name, new in zip(order, after, strict=True) if name in major and not new)
+
+
+def _drifting(present: DifferentialKinematics, rows: StrutRows) -> tuple[str, ...]:
+    """Return the coordinates with a notable share in the unactuated motion."""
+    if present.stable:
+        return ()
+    scaled = present.unactuated * rows.twist_scale[:, None]
+    share = np.linalg.norm(scaled, axis=1)
+    notable = share > 1e-6 * share.max()
+    names = _twist_names(rows)
+    return tuple(name for name, moves in zip(names, notable, strict=True) if moves)
+
+
+def _reason(
+    failures: FailureSet,
+    drifting: tuple[str, ...],
+    lost: tuple[str, ...],
+    gained: tuple[str, ...],
+    tolerable: bool,
+    missing: tuple[str, ...],
+) -> str:
+    what = failures_in_words(failures)
+    if drifting:
+        directions = ', '.join(drifting)
+        return f'{what}: unactuated motion of the platform ({directions}); zero velocity does ' \
+            'not hold it'
+    if not tolerable:
+        return f'{what}: {", ".join(missing)} cannot be given independently any more'
+    if not failures:
+        return 'no failure: all degrees of freedom available'
+    parts = [f'{what}: major degrees of freedom retained']
+    if lost:
+        parts.append(f'{", ".join(lost)} coupled')
+    if gained:
+        parts.append(f'{", ".join(gained)} gained')
+    return ', '.join(parts)

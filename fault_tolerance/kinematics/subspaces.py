@@ -1,0 +1,85 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Ranks, bases and manipulability: every decision on whether a number is zero is made here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+
+
+def rank_of(sigma: FloatArray, scale: float | None = None) -> int:
+    """Return how many singular values ``sigma`` count as not zero.
+
+    Parameters
+    ----------
+    sigma : (k,) array
+    scale : float, optional
+        What "not small" is measured against; the largest of them by default.
+    """
+    if scale is None:
+        scale = float(sigma.max(initial=0.0))
+    return int((sigma > RANK_TOLERANCE * scale).sum()) if scale > 0.0 else 0
+
+
+def rank(matrix: FloatArray, scale: float | None = None) -> int:
+    """Return the numerical rank of ``matrix`` (r, c)."""
+    if matrix.size == 0:
+        return 0
+    return rank_of(np.linalg.svd(matrix, compute_uv=False), scale)
+
+
+def null_space(matrix: FloatArray, scale: float | None = None) -> FloatArray:
+    """Return an orthonormal basis (c, c - rank) of the right null space of ``matrix`` (r, c)."""
+    if matrix.shape[0] == 0:
+        return np.eye(matrix.shape[1])
+    if matrix.shape[1] == 0:
+        return np.zeros((0, 0))
+    # A tall matrix has all its right directions in the economy form already.
+    tall = matrix.shape[0] >= matrix.shape[1]
+    _, sigma, right = np.linalg.svd(matrix, full_matrices=not tall)
+    return right[rank_of(sigma, scale) :].T
+
+
+def range_basis(matrix: FloatArray, scale: float | None = None) -> FloatArray:
+    """Return an orthonormal basis (r, rank) of the range of ``matrix`` (r, c)."""
+    if matrix.size == 0:
+        return np.zeros((matrix.shape[0], 0))
+    left, sigma, _ = np.linalg.svd(matrix, full_matrices=False)
+    return left[:, : rank_of(sigma, scale)]
+
+
+def manipulability(matrix: FloatArray, order: int, scale: float | None = None) -> float:
+    """Return w_r, the product of the r largest singular values, 0 if the rank is less than r.
+
+    The classical measure, with the rank it needs made explicit (docs/theory.md, eq. 13): without
+    it a matrix that has lost a direction can look healthy. w_0 = 1. ``scale`` is what "not
+    small" is measured against, the largest singular value by default.
+    """
+    if order == 0:
+        return 1.0
+    if order > min(matrix.shape):
+        return 0.0
+    sigma = np.linalg.svd(matrix, compute_uv=False)
+    if rank_of(sigma, scale) < order:
+        return 0.0
+    return float(np.prod(sigma[:order]))
+
+
+def adds_rank(matrix: FloatArray) -> tuple[bool, ...]:
+    """Return for each row of ``matrix`` (r, c) whether it is independent of those before it."""
+    largest = float(np.linalg.norm(matrix, axis=1).max(initial=0.0))
+    basis = np.zeros((0, matrix.shape[1]))
+    result = []
+    for row in matrix:
+        rest = row - basis.T @ (basis @ row)
+        rest = rest - basis.T @ (basis @ rest)
+        length = float(np.linalg.norm(rest))
+        new = length > RANK_TOLERANCE * largest
+        if new:
+            basis = np.vstack([basis, rest / length])
+        result.append(new)
+    return tuple(result)

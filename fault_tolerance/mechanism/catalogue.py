@@ -1,0 +1,41 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The mechanisms that come with the package, by name, and anybody's by file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fault_tolerance.errors import MechanismError
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.files import mechanism_from_file
+from fault_tolerance.resources import share_directory
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Return the names of the shipped mechanisms, sorted."""
+    return tuple(sorted(path.stem for path in _folder().glob('*.yaml')))
+
+
+def mechanism_named(name: str | Path) -> Mechanism:
+    """Return a shipped mechanism by its name, or the one in a file by its path.
+
+    Raises
+    ------
+    MechanismError
+        If it is neither, or the file cannot be used.
+    """
+    text = str(name)
+    if text in shipped_names():
+        return mechanism_from_file(_folder() / f'{text}.yaml')
+    if not text:
+        raise MechanismError('mechanism', '', 'no name given')
+    if Path(text).suffix in ('.yaml', '.yml') or Path(text).exists():
+        return mechanism_from_file(text)
+    shipped = ', '.join(shipped_names())
+    raise MechanismError(text, '', f'is neither a file nor a shipped mechanism ({shipped})')
+
+
+def _folder() -> Path:
+    return share_directory() / 'config' / 'mechanisms'

@@ -1,0 +1,105 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The struts as padded arrays, and their forward kinematics, all struts at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.screws import exponential, moved_to, transformed
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """A mechanism's s struts, padded to k joints each with joints that do nothing.
+
+    Attributes
+    ----------
+    screws : (s, k, 6) array
+        Joint twists at home, base axes, v at the base origin; zero where padded.
+    actuator : (s, k) int array
+        The place of the joint's actuator in the mechanism's order, -1 where it has none.
+    real : (s, k) bool array
+        False where padded.
+    scale : (6,) array
+        The metric of twists: rotations times the characteristic length, translations as is.
+    home : (4, 4) array
+        The platform frame at home.
+    """
+
+    screws: FloatArray
+    actuator: IntArray
+    real: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    scale: FloatArray
+    home: FloatArray
+
+    @property
+    def active(self) -> FloatArray:
+        """1 at actuated joints, else 0, (s, k)."""
+        return (self.actuator >= 0).astype(np.float64)
+
+    @property
+    def passive(self) -> FloatArray:
+        """1 at joints without a drive, else 0, (s, k)."""
+        return (self.real & (self.actuator < 0)).astype(np.float64)
+
+
+@lru_cache(maxsize=64)
+def chains_of(mechanism: Mechanism) -> Chains:
+    """Return the struts of ``mechanism`` as `Chains` (kept: mechanisms do not change)."""
+    longest = max(len(strut.joints) for strut in mechanism.struts)
+    shape = (len(mechanism.struts), longest)
+    screws = np.zeros((*shape, 6))
+    actuator = np.full(shape, -1, dtype=np.intp)
+    real = np.zeros(shape, dtype=np.bool_)
+    place = {name: index for index, name in enumerate(mechanism.actuator_names)}
+    for i, strut in enumerate(mechanism.struts):
+        for j, joint in enumerate(strut.joints):
+            screws[i, j] = joint.screw
+            real[i, j] = True
+            if joint.actuator is not None:
+                actuator[i, j] = place[joint.actuator.name]
+    scale = np.ones(6)
+    scale[:3] = mechanism.characteristic_length
+    home = np.eye(4)
+    home[:3, 3] = mechanism.origin
+    for array in (screws, actuator, real, scale, home):
+        array.setflags(write=False)
+    return Chains(screws, actuator, real, scale, home)
+
+
+def forward_kinematics(chains: Chains, joint_values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the joints and the tips of all struts are (product of exponentials).
+
+    Parameters
+    ----------
+    chains : Chains
+    joint_values : (s, k) array
+        Radians and metres from home.
+
+    Returns
+    -------
+    screws : (s, k, 6) array
+        Joint twists at the present configuration, base axes, v at the base origin.
+    tips : (s, 4, 4) array
+        The platform frame as each strut alone would have it.
+    """
+    steps = exponential(chains.screws * joint_values[..., None])
+    count, length = joint_values.shape
+    before = np.empty((count, length + 1, 4, 4))
+    before[:, 0] = np.eye(4)
+    for j in range(length):
+        before[:, j + 1] = before[:, j] @ steps[:, j]
+    return transformed(before[:, :-1], chains.screws), before[:, -1] @ chains.home
+
+
+def strut_screws(mechanism: Mechanism, joint_values: FloatArray, point: FloatArray) -> FloatArray:
+    """Return the joint twists (s, k, 6) at ``joint_values`` (s, k), v taken at ``point`` (3,)."""
+    screws, _ = forward_kinematics(chains_of(mechanism), joint_values)
+    return moved_to(screws, point)

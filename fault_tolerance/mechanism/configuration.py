@@ -1,0 +1,240 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Configurations: loops closed from actuator values, exactly or as a fit to readings."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from fault_tolerance.errors import ClosureError, MechanismError
+from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.closure import Closure, State, evaluated
+from fault_tolerance.mechanism.chains import chains_of
+from fault_tolerance.mechanism.constraints import StrutConstraints
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE
+
+# Continuation from home takes strides of at most this many characteristic lengths (or radians):
+# the assembly found is the one the mechanism can be driven to.
+_STRIDE = 0.1
+_MOST_STRIDES = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A configuration of a mechanism, with the certificate of how well it closes.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    pose : (4, 4) array
+        The platform frame in base axes.
+    joint_values : (s, k) array
+        All joints of all struts, zero where padded; lost struts as near to the platform as they
+        reach.
+    actuator_values : (N,) array
+        Joint values of the actuators, consistent with `pose`.
+    misfit : (N,) array
+        Value given less value found; 0 where none was given.
+    closure_residual : float
+        Metres left open outside the directions that the flexures absorb.
+    flexure_strain : float
+        Metres the flexures take up along the directions they absorb.
+    converged : bool
+        Whether the loops are closed and the values given are fitted.
+    iterations : int
+    state : State or None
+        The working arrays, from which the next configuration starts; None without struts.
+    """
+
+    mechanism: Mechanism
+    pose: FloatArray
+    joint_values: FloatArray
+    actuator_values: FloatArray
+    misfit: FloatArray
+    closure_residual: float
+    flexure_strain: float
+    converged: bool
+    iterations: int
+    state: State | None
+
+    @property
+    def constraints(self) -> StrutConstraints:
+        """What the struts say here; only for a mechanism with struts."""
+        if self.state is None:
+            reason = 'the mechanism is given by numbers'
+            raise MechanismError(self.mechanism.name, 'struts', reason)
+        return self.state.constraints
+
+    @property
+    def largest_misfit(self) -> float:
+        """The largest misfit, in metres (revolute actuators times the characteristic length)."""
+        return _largest_misfit(self.mechanism, self.misfit)
+
+    @property
+    def strain_allowed(self) -> float:
+        """The flexure strain the mechanism may have, in metres."""
+        mechanism = self.mechanism
+        return max(mechanism.compliance * mechanism.characteristic_length, CLOSURE_TOLERANCE)
+
+
+def home_configuration(mechanism: Mechanism) -> Configuration:
+    """Return ``mechanism`` at home."""
+    if not mechanism.struts:
+        return _working_point(mechanism)
+    return _configuration(Closure(mechanism, frozenset()), _home_state(mechanism), None, True, 0)
+
+
+def solved_configuration(
+    mechanism: Mechanism,
+    given: Mapping[str, float],
+    lost: Collection[str] = (),
+) -> Configuration:
+    """Return the configuration with the actuator values ``given``, continued from home.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    given : mapping of str to float
+        Joint values by actuator name. Actuators left out take the values nearest to home (least
+        squares) that close the loops. Redundant values may be given if they agree. Values in
+        lost struts are ignored.
+    lost : collection of str
+        Struts that no longer hold the platform.
+
+    Raises
+    ------
+    MechanismError
+        For a name that is no actuator or a value that is not finite.
+    ClosureError
+        If the loops do not close within 1e-9 m (beyond what the compliance absorbs), or values
+        given contradict each other by more than 1e-6 characteristic lengths.
+    """
+    target = np.full(len(mechanism.actuators), np.nan)
+    for name, value in given.items():
+        if name not in mechanism.actuator_names:
+            valid = ', '.join(mechanism.actuator_names)
+            reason = f'{name!r} is not an actuator; valid: {valid}'
+            raise MechanismError(mechanism.name, 'at', reason)
+        if not isfinite(value):
+            raise MechanismError(mechanism.name, f'at.{name}', f'{value} is not finite')
+        target[mechanism.actuator_index(name)] = value
+    if not mechanism.struts:
+        if given:
+            reason = 'a mechanism given by numbers has no configuration but its working point'
+            raise MechanismError(mechanism.name, 'at', reason)
+        return _working_point(mechanism)
+    closure = Closure(mechanism, frozenset(lost))
+    state = _home_state(mechanism)
+    reach = float(np.nanmax(_in_metres(mechanism, np.abs(target)), initial=0.0))
+    strides = int(np.ceil(reach / (_STRIDE * mechanism.characteristic_length)))
+    strides = min(max(strides, 1), _MOST_STRIDES)
+    converged, iterations = True, 0
+    for stride in range(1, strides + 1):
+        goal = target * (stride / strides)
+        state, converged, used = closure.solved(state, goal, nearest_home=True)
+        iterations += used
+    found = _configuration(closure, state, target, converged, iterations)
+    _require_closed(found)
+    return found
+
+
+def fitted_configuration(
+    mechanism: Mechanism,
+    values: FloatArray,
+    lost: Collection[str] = (),
+    start: Configuration | None = None,
+) -> Configuration:
+    """Return the configuration that fits the joint values of the actuators best.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    values : (N,) array
+        Joint values, NaN where there is no reading. Readings of lost struts are ignored.
+    lost : collection of str
+        Struts that no longer hold the platform.
+    start : Configuration, optional
+        Where to start from (warm start); home by default.
+
+    Returns
+    -------
+    Configuration
+        The loops are closed first, the N readings fitted by least squares within that. Does not
+        raise for numerical reasons: read `Configuration.converged`.
+    """
+    target = frozen_array(values, (len(mechanism.actuators),), 'values', finite=False)
+    if not mechanism.struts:
+        return _working_point(mechanism)
+    closure = Closure(mechanism, frozenset(lost))
+    state = start.state if start is not None else None
+    if state is None:
+        state = _home_state(mechanism)
+    state, converged, iterations = closure.solved(state, target, nearest_home=False)
+    return _configuration(closure, state, target, converged, iterations)
+
+
+def _require_closed(found: Configuration) -> None:
+    if not found.converged or found.closure_residual > CLOSURE_TOLERANCE:
+        reason = 'the loops do not close'
+        raise ClosureError(reason, found.closure_residual, CLOSURE_TOLERANCE)
+    if found.flexure_strain > found.strain_allowed:
+        reason = 'the loops do not close within the compliance'
+        raise ClosureError(reason, found.flexure_strain, found.strain_allowed)
+    allowed = MISFIT_TOLERANCE * found.mechanism.characteristic_length
+    if found.largest_misfit > allowed:
+        reason = 'the actuator values contradict each other'
+        raise ClosureError(reason, found.largest_misfit, allowed)
+
+
+def _home_state(mechanism: Mechanism) -> State:
+    chains = chains_of(mechanism)
+    values = np.zeros(chains.real.shape)
+    return evaluated(chains, len(mechanism.actuators), np.array(chains.home), values)
+
+
+def _configuration(
+    closure: Closure, state: State, target: FloatArray | None, converged: bool, iterations: int
+) -> Configuration:
+    mechanism = closure.mechanism
+    actuators = state.actuator_values
+    misfit = np.zeros_like(actuators)
+    if target is not None:
+        read = np.isfinite(target) & closure.held
+        misfit[read] = target[read] - actuators[read]
+    residual, strain = closure.residuals(state)
+    return Configuration(
+        mechanism,
+        frozen_array(state.pose, (4, 4), 'pose'),
+        frozen_array(state.joint_values, (None, None), 'joint values'),
+        frozen_array(actuators, (None,), 'actuator values'),
+        frozen_array(misfit, (None,), 'misfit'),
+        residual,
+        strain,
+        converged,
+        iterations,
+        state,
+    )
+
+
+def _working_point(mechanism: Mechanism) -> Configuration:
+    none = frozen_array(np.zeros((0, 0)), (0, 0), 'joint values')
+    zero = frozen_array(np.zeros(len(mechanism.actuators)), (None,), 'actuator values')
+    pose = np.eye(4)
+    pose[:3, 3] = mechanism.origin
+    pose = frozen_array(pose, (4, 4), 'pose')
+    return Configuration(mechanism, pose, none, zero, zero, 0.0, 0.0, True, 0, None)
+
+
+def _in_metres(mechanism: Mechanism, values: FloatArray) -> FloatArray:
+    kinds = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
+    return values * np.where(kinds, mechanism.characteristic_length, 1.0)
+
+
+def _largest_misfit(mechanism: Mechanism, misfit: FloatArray) -> float:
+    return float(np.max(np.abs(_in_metres(mechanism, misfit)), initial=0.0))

@@ -1,0 +1,203 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Typed reading of a parsed YAML document, with errors that say where and why."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from math import isnan
+from typing import Any
+
+import yaml
+
+from fault_tolerance.errors import MechanismError
+
+# YAML 1.1 reads 1e-3 (no dot) as text; people write it as a number.
+_EXPONENT = re.compile(r'[-+]?\d+(\.\d*)?[eE][-+]?\d+')
+
+
+class _Loader(yaml.SafeLoader):
+    """A safe loader that refuses a key given twice (plain YAML keeps the last one silently)."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return the mapping; a doubled key is an error with its line."""
+        seen = set()
+        for key_node, _ in node.value:
+            if key_node.value in seen:
+                line = key_node.start_mark.line + 1
+                raise yaml.YAMLError(f'line {line}: the key {key_node.value!r} is given twice')
+            seen.add(key_node.value)
+        return super().construct_mapping(node, deep)
+
+
+class Section:
+    """One mapping of a document: hands out its values once, by type.
+
+    Parameters
+    ----------
+    source : str
+        The document, for errors.
+    path : str
+        Where in it this mapping is.
+    content : object
+        What was parsed there.
+    """
+
+    def __init__(self, source: str, path: str, content: object) -> None:
+        self.source = source
+        self.path = path
+        if not isinstance(content, dict):
+            raise self.error('', f'is {_described(content)}, expected keys and values')
+        self._content: dict[object, object] = content
+        self._read: set[object] = set()
+
+    def error(self, key: object, reason: str) -> MechanismError:
+        """Return the error that ``key`` of this mapping is wrong."""
+        return MechanismError(self.source, self.where(key), reason)
+
+    def where(self, key: object) -> str:
+        """Return the full path of ``key``."""
+        return '.'.join(part for part in (self.path, str(key)) if part)
+
+    def has(self, key: object) -> bool:
+        """Whether ``key`` is given (and not null)."""
+        return self._content.get(key) is not None
+
+    def get(self, key: object) -> object:
+        """Return what is given at ``key``; it must be given."""
+        self._read.add(key)
+        value = self._content.get(key)
+        if value is None:
+            raise self.error(key, 'is missing')
+        return value
+
+    def text(self, key: object) -> str:
+        """Return a non-empty string."""
+        value = self.get(key)
+        if not isinstance(value, str) or not value.strip():
+            raise self.error(key, f'is {_described(value)}, expected a name')
+        return value
+
+    def number(self, key: object, default: float | None = None) -> float:
+        """Return a number; infinities count, NaN does not."""
+        if default is not None and not self.has(key):
+            self._read.add(key)
+            return default
+        return self.as_number(key, self.get(key))
+
+    def flag(self, key: object) -> bool:
+        """Return true or false, false if not given."""
+        if not self.has(key):
+            self._read.add(key)
+            return False
+        value = self.get(key)
+        if not isinstance(value, bool):
+            raise self.error(key, f'is {_described(value)}, expected true or false')
+        return value
+
+    def items(self, key: object) -> list[object]:
+        """Return a list."""
+        value = self.get(key)
+        if not isinstance(value, list):
+            raise self.error(key, f'is {_described(value)}, expected a list')
+        return value
+
+    def numbers(self, key: object, count: int) -> list[float]:
+        """Return a list of ``count`` numbers."""
+        return self.as_numbers(key, self.get(key), count)
+
+    def matrix(self, key: object) -> list[list[float]]:
+        """Return rows of numbers, all of one length."""
+        rows: list[list[float]] = []
+        for index, row in enumerate(self.items(key)):
+            if not isinstance(row, list):
+                raise self.error(f'{key}[{index}]', f'is {_described(row)}, expected a row')
+            rows.append(self.as_numbers(f'{key}[{index}]', row, len(row)))
+            if len(row) != len(rows[0]):
+                reason = f'has {len(row)} numbers, the first row {len(rows[0])}'
+                raise self.error(f'{key}[{index}]', reason)
+        if not rows or not rows[0]:
+            raise self.error(key, 'is empty')
+        return rows
+
+    def names(self, key: object) -> tuple[str, ...]:
+        """Return a list of names."""
+        values = self.items(key)
+        for index, value in enumerate(values):
+            if not isinstance(value, str) or not value.strip():
+                reason = f'is {_described(value)}, expected a name'
+                raise self.error(f'{key}[{index}]', reason)
+        return tuple(str(value) for value in values)
+
+    def sections(self, key: object) -> Iterator[Section]:
+        """Yield the mappings of a list, each known by its name where it has one."""
+        for index, value in enumerate(self.items(key)):
+            name = value.get('name') if isinstance(value, dict) else None
+            label = name if isinstance(name, str) else f'[{index}]'
+            yield Section(self.source, self.where(f'{key}.{label}'), value)
+
+    def section(self, key: object) -> Section:
+        """Return a mapping."""
+        return Section(self.source, self.where(key), self.get(key))
+
+    def keys(self) -> tuple[object, ...]:
+        """Return every key given."""
+        return tuple(self._content)
+
+    def close(self) -> None:
+        """Raise if a key was given that nobody read."""
+        unknown = [str(key) for key in self._content if key not in self._read]
+        if unknown:
+            raise self.error(unknown[0], 'is not a known key here')
+
+    def as_number(self, key: object, value: object) -> float:
+        """Return ``value`` as a number."""
+        if isinstance(value, str) and _EXPONENT.fullmatch(value):
+            value = float(value)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise self.error(key, f'is {_described(value)}, expected a number')
+        try:
+            number = float(value)
+        except OverflowError:
+            raise self.error(key, 'is too large') from None
+        if isnan(number):
+            raise self.error(key, 'is NaN')
+        return number
+
+    def as_numbers(self, key: object, value: object, count: int) -> list[float]:
+        """Return ``value`` as a list of ``count`` numbers."""
+        if not isinstance(value, list) or len(value) != count:
+            raise self.error(key, f'is {_described(value)}, expected {count} numbers')
+        return [self.as_number(f'{key}[{index}]', item) for index, item in enumerate(value)]
+
+
+def parsed(text: str, source: str) -> Section:
+    """Return the YAML document ``text`` as its top section; safe, doubled keys refused."""
+    try:
+        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
+    except (yaml.YAMLError, ValueError) as error:
+        raise MechanismError(source, '', f'is not YAML: {_one_line(error)}') from None
+    except RecursionError:
+        raise MechanismError(source, '', 'is not YAML: nested too deeply') from None
+    return Section(source, '', content)
+
+
+def _one_line(error: Exception) -> str:
+    mark = getattr(error, 'problem_mark', None)
+    problem = getattr(error, 'problem', None)
+    if mark is not None and problem:
+        return f'line {mark.line + 1}: {problem}'
+    return ' '.join(str(error).split())
+
+
+def _described(value: object) -> str:
+    if value is None:
+        return 'empty'
+    if isinstance(value, dict):
+        return 'a mapping'
+    if isinstance(value, list):
+        return f'a list of {len(value)}'
+    shown = repr(value)
+    return shown if len(shown) <= 40 else shown[:37] + '...'

@@ -1,0 +1,127 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Screw theory, batched: exponentials, adjoints and pose differences.
+
+A twist is ``[w; v]``: angular velocity, then the linear velocity of the body point that passes
+through the reference point. Poses are 4 x 4 homogeneous matrices. Every function takes leading
+batch axes. Formulas: Murray, Li and Sastry, *A Mathematical Introduction to Robotic
+Manipulation* (1994), chapter 2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+
+# Below this angle the closed forms lose digits to cancellation; their series are then exact to
+# rounding with the terms kept.
+_SERIES_ANGLE = 1e-3
+
+
+def skew(vectors: FloatArray) -> FloatArray:
+    """Return the cross-product matrices (..., 3, 3) of ``vectors`` (..., 3)."""
+    result = np.zeros((*vectors.shape, 3))
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    result[..., 0, 1], result[..., 0, 2] = -z, y
+    result[..., 1, 0], result[..., 1, 2] = z, -x
+    result[..., 2, 0], result[..., 2, 1] = -y, x
+    return result
+
+
+def exponential(twists: FloatArray) -> FloatArray:
+    """Return the displacements (..., 4, 4) that unit time along ``twists`` (..., 6) makes.
+
+    Rotation by Rodrigues' formula; the translation is ``V v`` with the left Jacobian ``V`` of
+    the rotation.
+    """
+    w = twists[..., :3]
+    squared = np.einsum('...i,...i->...', w, w)
+    angle = np.sqrt(squared)
+    small = angle < _SERIES_ANGLE
+    safe = np.where(small, 1.0, angle)
+    safe_squared = safe * safe
+    sine = np.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, np.sin(safe) / safe)
+    cosine = np.where(
+        small, 0.5 - squared / 24.0 + squared**2 / 720.0, (1.0 - np.cos(safe)) / safe_squared
+    )
+    cubic = np.where(
+        small,
+        1.0 / 6.0 - squared / 120.0 + squared**2 / 5040.0,
+        (safe - np.sin(safe)) / (safe_squared * safe),
+    )
+    hat = skew(w)
+    hat_squared = hat @ hat
+    result = np.zeros((*twists.shape[:-1], 4, 4))
+    eye = np.eye(3)
+    result[..., :3, :3] = (
+        eye + sine[..., None, None] * hat + cosine[..., None, None] * hat_squared
+    )
+    left = eye + cosine[..., None, None] * hat + cubic[..., None, None] * hat_squared
+    result[..., :3, 3] = np.einsum('...ij,...j->...i', left, twists[..., 3:])
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def transformed(poses: FloatArray, twists: FloatArray) -> FloatArray:
+    """Return ``Ad(poses) twists`` (..., 6): twists carried along by displacements (..., 4, 4)."""
+    rotation = poses[..., :3, :3]
+    w = np.einsum('...ij,...j->...i', rotation, twists[..., :3])
+    v = np.einsum('...ij,...j->...i', rotation, twists[..., 3:])
+    return np.concatenate([w, v + np.cross(poses[..., :3, 3], w)], axis=-1)
+
+
+def moved_to(twists: FloatArray, point: FloatArray) -> FloatArray:
+    """Return ``twists`` (..., 6), given about the base origin, with v measured at ``point``."""
+    w = twists[..., :3]
+    return np.concatenate([w, twists[..., 3:] + np.cross(w, point)], axis=-1)
+
+
+def rotation_vector(rotations: FloatArray) -> FloatArray:
+    """Return the rotation vectors (..., 3) of ``rotations`` (..., 3, 3), angles up to pi.
+
+    Goes through the unit quaternion of largest component, which is well conditioned at every
+    angle.
+    """
+    r = rotations
+    trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
+    diagonal = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]], axis=-1)
+    # Rows of 4 q q^T: each is the quaternion (w, x, y, z) times four times one component.
+    outer = np.empty((*r.shape[:-2], 4, 4))
+    outer[..., 0, 0] = 1.0 + trace
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        outer[..., 0, i + 1] = outer[..., i + 1, 0] = r[..., k, j] - r[..., j, k]
+        outer[..., i + 1, i + 1] = 1.0 + 2.0 * diagonal[..., i] - trace
+        outer[..., i + 1, j + 1] = outer[..., j + 1, i + 1] = r[..., i, j] + r[..., j, i]
+    largest = np.argmax(np.einsum('...ii->...i', outer), axis=-1)
+    quaternion = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
+    quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    quaternion = np.where(quaternion[..., :1] < 0.0, -quaternion, quaternion)
+    sine = np.linalg.norm(quaternion[..., 1:], axis=-1)
+    half = np.arctan2(sine, quaternion[..., 0])
+    factor = np.where(sine < 1e-12, 2.0, 2.0 * half / np.where(sine < 1e-12, 1.0, sine))
+    return np.asarray(factor[..., None] * quaternion[..., 1:])
+
+
+def difference(target: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return the small displacements (..., 6) from ``poses`` to ``target``.
+
+    ``[w; v]`` in base axes: the rotation vector of ``R_target R^T`` and the distance of the two
+    origins. To first order the twist that brings ``poses`` onto ``target`` in unit time, taken
+    at the origin of the moving frame.
+    """
+    rotation = target[..., :3, :3] @ np.swapaxes(poses[..., :3, :3], -1, -2)
+    translation = np.broadcast_to(target[..., :3, 3] - poses[..., :3, 3], (*rotation.shape[:-1],))
+    return np.concatenate([rotation_vector(rotation), translation], axis=-1)
+
+
+def displaced(pose: FloatArray, displacement: FloatArray) -> FloatArray:
+    """Return ``pose`` (..., 4, 4) moved by ``displacement`` (..., 6): inverse of `difference`."""
+    result = np.array(pose)
+    rotation = np.zeros_like(displacement)
+    rotation[..., :3] = displacement[..., :3]
+    result[..., :3, :3] = exponential(rotation)[..., :3, :3] @ pose[..., :3, :3]
+    result[..., :3, 3] += displacement[..., 3:]
+    return result

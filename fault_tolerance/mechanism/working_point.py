@@ -1,0 +1,52 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A mechanism known by its Jacobian and its mapping matrix at one working point only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.errors import MechanismError
+from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingPoint:
+    """The differential kinematics of a mechanism of which nothing else is known.
+
+    Attributes
+    ----------
+    jacobian : (l, n) array
+        Task velocity per unit reduced rate, rows in the task's order.
+    mapping : (N, n) array
+        Actuator rates per unit reduced rate; its columns are independent, and made orthonormal
+        here (together with the jacobian, so that ``v = J T^+ q'`` is unchanged).
+    """
+
+    jacobian: FloatArray
+    mapping: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check that the two belong together, and orthonormalise the columns."""
+        jacobian = frozen_array(self.jacobian, (None, None), 'jacobian')
+        mapping = frozen_array(self.mapping, (None, None), 'mapping')
+        if jacobian.shape[1] != mapping.shape[1]:
+            reason = f'has {mapping.shape[1]} columns, the jacobian {jacobian.shape[1]}'
+            raise MechanismError('working point', 'mapping', reason)
+        if mapping.shape[0] < mapping.shape[1]:
+            reason = f'is {mapping.shape[0]} x {mapping.shape[1]}: more columns than actuators'
+            raise MechanismError('working point', 'mapping', reason)
+        gram = mapping.T @ mapping
+        if not np.allclose(gram, np.eye(len(gram)), rtol=0.0, atol=1e-14):
+            basis, triangle = np.linalg.qr(mapping)
+            diagonal = np.abs(np.diag(triangle))
+            if diagonal.min(initial=np.inf) < 1e-9 * diagonal.max(initial=0.0):
+                reason = 'has dependent columns'
+                raise MechanismError('working point', 'mapping', reason)
+            jacobian = np.linalg.solve(triangle.T, jacobian.T).T
+            mapping = basis
+        object.__setattr__(self, 'jacobian', frozen_array(jacobian, (None, None), 'jacobian'))
+        object.__setattr__(self, 'mapping', frozen_array(mapping, (None, None), 'mapping'))
