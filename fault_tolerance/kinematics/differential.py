@@ -72,7 +72,7 @@ class DifferentialKinematics:
     @property
     def stable(self) -> bool:
         """Whether every motion of the platform is controlled by the drives."""
-        return self.unactuated.shape[1] == 0
+        return bool(self.unactuated.shape[1] == 0)
 
     @property
     def major(self) -> FloatArray:

@@ -22,7 +22,12 @@ from fault_tolerance.kinematics.differential import (
 )
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure
-from fault_tolerance.kinematics.subspaces import manipulability, null_space, range_basis
+from fault_tolerance.kinematics.subspaces import (
+    manipulability,
+    null_space,
+    range_basis,
+    singular_values,
+)
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
 
 CONDITION_CAP = 1e12
@@ -90,7 +95,7 @@ def position_measure(kinematics: DifferentialKinematics, stuck: Sequence[int]) -
     """
     major = kinematics.major
     order = len(major)
-    sigma = np.linalg.svd(major, compute_uv=False)
+    sigma = singular_values(major)
     scale = float(sigma.max(initial=0.0))
     nominal = manipulability(major, order, scale)
     if nominal == 0.0:
@@ -134,7 +139,7 @@ def present_measures(state: PostFailure) -> PresentMeasures:
     order = len(nominal.task.major)
     stuck = [rows.mechanism.actuator_index(name) for name in failures.stuck]
     free = [rows.mechanism.actuator_index(name) for name in failures.free]
-    sigma = np.linalg.svd(state.present.major, compute_uv=False)
+    sigma = singular_values(state.present.major)
     smallest = float(sigma[order - 1]) if len(sigma) >= order else 0.0
     largest = float(sigma.max(initial=0.0))
     condition = largest / smallest if smallest > largest / CONDITION_CAP else CONDITION_CAP
@@ -157,16 +162,17 @@ def next_failure(state: PostFailure) -> NextFailure:
     mechanism, present = state.rows.mechanism, state.present
     count = len(mechanism.actuators)
     position, torque = np.full(count, np.nan), np.full(count, np.nan)
-    for index in np.flatnonzero(present.active):
+    for index in np.flatnonzero(present.active).tolist():
         position[index] = position_measure(present, [index])
         torque[index] = torque_measure(present, [index])
     hard = np.full(len(mechanism.struts), np.nan)
-    for index, name in enumerate(mechanism.strut_names):
+    for place, name in enumerate(mechanism.strut_names):
         if name not in state.failures.lost:
             further = state.failures.and_also(mechanism, Failure(FailureMode.HARD, name))
             after = differential_kinematics(state.rows, further)
-            hard[index] = hard_measure(present, after)
-    worst, measure = _worst(mechanism.actuator_names, mechanism.strut_names, position, torque, hard)
+            hard[place] = hard_measure(present, after)
+    names = mechanism.actuator_names, mechanism.strut_names
+    worst, measure = _worst(*names, position, torque, hard)
     left, mobility = int(present.active.sum()), present.mobility
     return NextFailure(
         frozen_array(position, (count,), 'p', finite=False),

@@ -16,7 +16,7 @@ from fault_tolerance.kinematics.differential import (
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import adds_rank, rank
-from fault_tolerance.mechanism.task import COORDINATES
+from fault_tolerance.mechanism.task import COORDINATES, Task
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,8 @@ def verdict(
     drifting = _drifting(present, rows)
     major = rank(present.major * _major_scale(rows))
     tolerable = present.stable and major == len(task.major)
-    reason = _reason(failures, drifting, lost, gained, tolerable, _missing(rows, after, order))
+    missing = _missing(rows, after, order)
+    reason = _reason(failures, task, drifting, lost, gained, missing)
     return Verdict(
         present.stable, tolerable, present.mobility, lost, gained, drifting, reason
     )
@@ -153,22 +154,19 @@ def _drifting(present: DifferentialKinematics, rows: StrutRows) -> tuple[str, ..
 
 def _reason(
     failures: FailureSet,
+    task: Task,
     drifting: tuple[str, ...],
     lost: tuple[str, ...],
     gained: tuple[str, ...],
-    tolerable: bool,
     missing: tuple[str, ...],
 ) -> str:
     what = failures_in_words(failures)
     if drifting:
         directions = ', '.join(drifting)
-        return f'{what}: unactuated motion of the platform ({directions}); zero velocity does ' \
-            'not hold it'
-    if not tolerable:
-        return f'{what}: {", ".join(missing)} cannot be given independently any more'
-    if not failures:
-        return 'no failure: all degrees of freedom available'
-    parts = [f'{what}: major degrees of freedom retained']
+        return f'{what}; {directions} unactuated: zero velocity does not hold the platform'
+    if missing:
+        return f'{what}; {", ".join(missing)} cannot be given independently'
+    parts = [f'{what}; {", ".join(task.major)} retained' if failures else what]
     if lost:
         parts.append(f'{", ".join(lost)} coupled')
     if gained:

@@ -11,6 +11,13 @@ from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 
 
+def singular_values(matrix: FloatArray) -> FloatArray:
+    """Return the singular values of ``matrix`` (r, c), largest first; none if it is empty."""
+    if matrix.size == 0:
+        return np.zeros(0)
+    return np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=np.float64)
+
+
 def rank_of(sigma: FloatArray, scale: float | None = None) -> int:
     """Return how many singular values ``sigma`` count as not zero.
 
@@ -29,7 +36,7 @@ def rank(matrix: FloatArray, scale: float | None = None) -> int:
     """Return the numerical rank of ``matrix`` (r, c)."""
     if matrix.size == 0:
         return 0
-    return rank_of(np.linalg.svd(matrix, compute_uv=False), scale)
+    return rank_of(singular_values(matrix), scale)
 
 
 def null_space(matrix: FloatArray, scale: float | None = None) -> FloatArray:
@@ -63,7 +70,7 @@ def manipulability(matrix: FloatArray, order: int, scale: float | None = None) -
         return 1.0
     if order > min(matrix.shape):
         return 0.0
-    sigma = np.linalg.svd(matrix, compute_uv=False)
+    sigma = singular_values(matrix)
     if rank_of(sigma, scale) < order:
         return 0.0
     return float(np.prod(sigma[:order]))

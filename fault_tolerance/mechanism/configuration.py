@@ -13,8 +13,8 @@ import numpy as np
 
 from fault_tolerance.errors import ClosureError, MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
-from fault_tolerance.mechanism.closure import Closure, State, evaluated
 from fault_tolerance.mechanism.chains import chains_of
+from fault_tolerance.mechanism.closure import Closure, State, evaluated
 from fault_tolerance.mechanism.constraints import StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE

@@ -193,7 +193,8 @@ class Mechanism:
             raise MechanismError(self.name, 'struts', 'no joint is actuated')
         self._check_names()
         if (self.working_point is None) is not bool(self.struts):
-            raise MechanismError(self.name, 'struts', 'give either struts, or jacobian and mapping')
+            reason = 'give either struts, or jacobian and mapping'
+            raise MechanismError(self.name, 'struts', reason)
         if self.working_point is None:
             self._check_actuators()
         else:

@@ -67,7 +67,9 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
         actuators = _ordered(top, struts)
     top.close()
     try:
-        return Mechanism(name, task, struts, actuators, np.array(origin), length, compliance, point)
+        return Mechanism(
+            name, task, struts, actuators, np.array(origin), length, compliance, point
+        )
     except ArrayError as error:
         raise MechanismError(source, error.name, error.reason) from None
     except MechanismError as error:

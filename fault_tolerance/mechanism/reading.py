@@ -176,7 +176,7 @@ class Section:
 def parsed(text: str, source: str) -> Section:
     """Return the YAML document ``text`` as its top section; safe, doubled keys refused."""
     try:
-        content = yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
+        content = yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as error:
         raise MechanismError(source, '', f'is not YAML: {_one_line(error)}') from None
     except RecursionError:
