@@ -1,0 +1,169 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Controller and simulated mechanism in one loop without ROS: deterministic, seeded, fast.
+
+The same parts the nodes run, stepped by one clock. The only place below the nodes where control
+and simulation meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.control.pointing import PointingLoop, pointing_error
+from fault_tolerance.control.recovery import State
+from fault_tolerance.control.reports import OK, Report
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.simulation.faults import FaultBook, fault_command
+from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.reference import Circle, Reference
+from fault_tolerance.simulation.settings import PlantSettings
+
+ERROR_LEVEL = 2
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """How the loop is closed.
+
+    Attributes
+    ----------
+    period : float
+        Seconds between two joint states.
+    lead : float
+        Seconds by which the feedforward runs ahead, to make up for the drives' lag.
+    pointing : PointingLoop
+    control : Settings
+    plant : PlantSettings
+    seed : int
+        Of the sensor noise.
+    """
+
+    period: float = 0.004
+    lead: float = 0.003
+    pointing: PointingLoop = PointingLoop()
+    control: Settings = Settings()
+    plant: PlantSettings = PlantSettings()
+    seed: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What happened, one entry a period.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Seconds since the loop was made.
+    error : (k, 2) array
+        Reference less true rotation about x and y, radians.
+    efforts : (k, N) array
+        What the actuators push with, N or N m.
+    rates : (k, N) array
+        The rates commanded, in the mechanism's order.
+    states : tuple of State
+    """
+
+    time: FloatArray
+    error: FloatArray
+    efforts: FloatArray
+    rates: FloatArray
+    states: tuple[State, ...]
+
+    @property
+    def error_rms(self) -> float:
+        """Root mean square length of the error, radians."""
+        return float(np.sqrt(np.mean(np.sum(self.error**2, axis=1))))
+
+    def peak_force(self, preload: FloatArray) -> float:
+        """Return the largest effort beyond ``preload`` (N,)."""
+        return float(np.abs(self.efforts - preload).max())
+
+    @property
+    def mean_efforts(self) -> FloatArray:
+        """Mean effort of each actuator (N,)."""
+        return np.asarray(self.efforts.mean(axis=0))
+
+
+class ClosedLoop:
+    """A mechanism that follows a reference while parts of it fail and are mended.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With struts, and wx, wy among its task coordinates.
+    reference : Reference, optional
+        A circle of 1 mrad at 1 Hz by default.
+    settings : LoopSettings, optional
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        reference: Reference | None = None,
+        settings: LoopSettings | None = None,
+    ) -> None:
+        self.mechanism = mechanism
+        self.settings = settings or LoopSettings()
+        self._reference = reference or Circle()
+        self.plant = ElasticPlant(mechanism, self.settings.plant, self.settings.seed)
+        self.supervisor = Supervisor(mechanism, self.settings.control)
+        self._book = FaultBook()
+        self._now = 0.0
+
+    def inject(self, words: str) -> None:
+        """Break or mend parts, in the words of the fault injection topic, and report it."""
+        command = fault_command(self.mechanism, words)
+        self.plant.apply(command)
+        book = self._book.after(command)
+        if book == self._book:
+            return
+        self._book = book
+        reports = [
+            Report(
+                ('drive', target), target, mode, OK if mode == 'none' else ERROR_LEVEL, self._now
+            )
+            for target, mode in book.reports
+        ]
+        self.supervisor.reports(reports, self._now)
+
+    def clear(self) -> None:
+        """Release the failures that are not reported any more."""
+        self.supervisor.clear(self._now)
+
+    def run(self, duration: float) -> Trace:
+        """Let ``duration`` seconds pass and return what happened."""
+        count = max(1, round(duration / self.settings.period))
+        time, error = np.zeros(count), np.zeros((count, 2))
+        efforts = np.zeros((count, len(self.mechanism.actuators)))
+        rates = np.zeros_like(efforts)
+        states = []
+        for k in range(count):
+            self._now += self.settings.period
+            now = self._now
+            seen = self.plant.step(self.settings.period)
+            angle = self._reference.angle(now)
+            rate = self._reference.rate(now + self.settings.lead)
+            twist = self.settings.pointing.velocity(
+                seen.pose, self.mechanism.origin, angle, rate
+            )
+            self.supervisor.task_velocity(twist[self.mechanism.task.rows], now)
+            self.supervisor.joint_reading(seen.measured_values, now)
+            output = self.supervisor.step(now)
+            self.plant.command(output.rates)
+            time[k], error[k] = now, pointing_error(seen.pose, angle)
+            efforts[k], rates[k] = seen.efforts, output.rates
+            states.append(output.state)
+        return Trace(time, error, efforts, rates, tuple(states))
+
+
+def failure_words(failures: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Return the injection words for pairs (mode, name)."""
+    return tuple(f'{mode} {name}' for mode, name in failures)

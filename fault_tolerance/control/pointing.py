@@ -1,0 +1,56 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pointing loop around the controller: from where the mirror looks to how it should turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.screws import rotation_vector
+
+
+@dataclass(frozen=True)
+class PointingLoop:
+    """Feedforward of the reference's rate, and feedback of the pointing error.
+
+    Attributes
+    ----------
+    gain : float
+        1/s, of the pointing error.
+    piston_gain : float
+        1/s, with which the platform's origin is drawn back to its height at home. Piston is
+        secondary: after a failure that couples it the controller gives it up first.
+    """
+
+    gain: float = 5.0
+    piston_gain: float = 5.0
+
+    def velocity(
+        self, pose: FloatArray, home: FloatArray, angle: FloatArray, rate: FloatArray
+    ) -> FloatArray:
+        """Return the platform twist (6,) to ask for, base axes.
+
+        Parameters
+        ----------
+        pose : (4, 4) array
+            The platform in the base.
+        home : (3,) array
+            Its origin at home, metres.
+        angle : (2,) array
+            Where the reference is now, rotation vector about x and y, radians.
+        rate : (2,) array
+            What is fed forward, rad/s.
+        """
+        twist = np.zeros(6)
+        twist[:2] = rate + self.gain * pointing_error(pose, angle)
+        twist[5] = self.piston_gain * (home[2] - pose[2, 3])
+        return twist
+
+
+def pointing_error(pose: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return the reference ``angle`` (2,) less the rotation of ``pose`` about x and y, radians."""
+    return np.asarray(angle - rotation_vector(pose[:3, :3])[:2])

@@ -1,0 +1,80 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The demonstration's loop in the deterministic core: what recovery is worth."""
+
+import numpy as np
+import pytest
+
+from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
+from fault_tolerance.control.recovery import State
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.mechanism.catalogue import mechanism_named
+
+MECHANISM = mechanism_named('mirror_4_strut')
+
+
+def run_with_failure(words, *, recovery=True, seed=1):
+    """Return the traces before and after a failure, three periods of the circle each."""
+    settings = LoopSettings(control=Settings(recovery=recovery), seed=seed)
+    loop = ClosedLoop(MECHANISM, settings=settings)
+    loop.run(1.0)
+    healthy = loop.run(3.0)
+    for word in words:
+        loop.inject(word)
+    at_once = loop.run(1.0)
+    return loop, healthy, at_once, loop.run(3.0)
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_recovery_keeps_a_mirror_with_a_stuck_strut_pointing(seed):
+    _, healthy, at_once, recovered = run_with_failure(['stuck theta_4'], seed=seed)
+    _, _, fighting, unrecovered = run_with_failure(['stuck theta_4'], seed=seed, recovery=False)
+
+    assert set(recovered.states) == {State.DEGRADED}
+    assert recovered.error_rms <= 1.2 * healthy.error_rms
+    assert unrecovered.error_rms >= 8.0 * healthy.error_rms
+    preload = healthy.mean_efforts
+    with_recovery = max(at_once.peak_force(preload), recovered.peak_force(preload))
+    without = max(fighting.peak_force(preload), unrecovered.peak_force(preload))
+    assert with_recovery <= 0.1 * without
+
+
+@pytest.mark.parametrize(
+    'words',
+    [['free theta_2'], ['hard strut_3'], ['stuck theta_1', 'free theta_3']],
+    ids=' '.join,
+)
+def test_tolerated_failures_leave_the_pointing_error_below_a_microradian(words):
+    _, _, _, after = run_with_failure(words)
+
+    assert set(after.states) == {State.DEGRADED}
+    assert after.error_rms < 1e-6
+
+
+def test_an_intolerable_failure_stops_the_drives_within_one_period():
+    loop, _, at_once, _ = run_with_failure(['stuck theta_1', 'stuck theta_2'])
+
+    assert at_once.states[0] is State.STOPPED
+    assert not at_once.rates.any()
+    assert 'cannot be given independently' in loop.supervisor.output.reason
+
+
+def test_mending_and_clearing_returns_to_nominal_without_a_jump():
+    loop, healthy, _, failed = run_with_failure(['stuck theta_4'])
+    loop.inject('ok all')
+    loop.clear()
+    first = loop.run(LoopSettings().period)
+    healed = loop.run(3.0)
+
+    assert first.states == (State.NOMINAL,)
+    swept_in_a_period = 2.0 * np.pi * 1e-3 * LoopSettings().period
+    assert np.linalg.norm(first.error[0] - failed.error[-1]) < 0.1 * swept_in_a_period
+    assert healed.error_rms <= 1.2 * healthy.error_rms
+
+
+def test_the_same_seed_gives_the_same_run():
+    first, second = (ClosedLoop(MECHANISM).run(0.2) for _ in range(2))
+
+    np.testing.assert_array_equal(first.error, second.error)
+    np.testing.assert_array_equal(first.efforts, second.efforts)
