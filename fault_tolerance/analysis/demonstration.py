@@ -82,6 +82,8 @@ class PhaseRecord:
         Seconds since the phase began.
     error : (k, 2) array
         Pointing error about x and y, radians.
+    reference : (k, 2) array
+        Where the mirror was to point, rotation vector about x and y, radians.
     efforts : (j, N) array
         Actuator forces from the moment of the failure on, newtons.
     preload : (N,) array
@@ -97,6 +99,7 @@ class PhaseRecord:
     reason: str
     time: FloatArray
     error: FloatArray
+    reference: FloatArray
     efforts: FloatArray
     preload: FloatArray
     measures: dict[str, float]

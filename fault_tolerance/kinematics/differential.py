@@ -150,6 +150,20 @@ def differential_kinematics(
     )
 
 
+def compatible_twists(
+    rows: StrutRows, attached: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+) -> FloatArray:
+    """Return a basis (d, b), scaled, of the twists that the structure of the struts allows.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    attached : (s,) bool array
+        The struts that hold the platform.
+    """
+    return _compatible_twists(rows, attached)[0]
+
+
 def _compatible_twists(
     rows: StrutRows, attached: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 ) -> tuple[FloatArray, int, float]:

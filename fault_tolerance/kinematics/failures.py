@@ -1,73 +1,27 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What can fail and how: modes, single failures, and the set of all that is broken now."""
+"""Single failures, and the set of everything that is broken now."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import Enum
 
 from fault_tolerance.errors import FailureError
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.failure_modes import FailureMode, mode_from_word, mode_words
 
-
-class FailureMode(str, Enum):
-    """The three failures of a strut or actuator, and none."""
-
-    POSITION = 'position'
-    TORQUE = 'torque'
-    HARD = 'hard'
-    NONE = 'none'
-
-    @property
-    def severity(self) -> int:
-        """Which of two modes of one actuator counts: hard over position over torque."""
-        return _SEVERITY[self]
-
-
-_SEVERITY = {
-    FailureMode.NONE: 0,
-    FailureMode.TORQUE: 1,
-    FailureMode.POSITION: 2,
-    FailureMode.HARD: 3,
-}
-
-_WORDS = {
-    'position': FailureMode.POSITION,
-    'stuck': FailureMode.POSITION,
-    'locked': FailureMode.POSITION,
-    'torque': FailureMode.TORQUE,
-    'free': FailureMode.TORQUE,
-    'unactuated': FailureMode.TORQUE,
-    'hard': FailureMode.HARD,
-    'lost': FailureMode.HARD,
-    'broken': FailureMode.HARD,
-    'none': FailureMode.NONE,
-    'ok': FailureMode.NONE,
-    'healthy': FailureMode.NONE,
-    'clear': FailureMode.NONE,
-}
-
-
-def mode_words() -> tuple[str, ...]:
-    """Return every word that names a mode."""
-    return tuple(_WORDS)
-
-
-def mode_from_word(word: str) -> FailureMode:
-    """Return the mode that ``word`` names, in any case and with any of its aliases.
-
-    Raises
-    ------
-    FailureError
-        If it names none.
-    """
-    mode = _WORDS.get(word.strip().lower())
-    if mode is None:
-        raise FailureError(word, 'unknown failure mode', mode_words())
-    return mode
+__all__ = [
+    'Failure',
+    'FailureMode',
+    'FailureSet',
+    'actuators_named',
+    'failure_set',
+    'mode_from_word',
+    'mode_words',
+    'strut_named',
+]
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ class StrutRows:
     """What all struts say, at one configuration.
 
     The twist has d = 6 components, scaled (rotations times the characteristic length, so metres
-    per second throughout). For a mechanism given by numbers it is the task velocity, d = l, as
-    it is.
+    per second throughout). For a mechanism given by numbers it is the task velocity, d = l,
+    scaled to the size of the actuator rates.
 
     Attributes
     ----------
@@ -101,15 +101,18 @@ def _rows_by_numbers(mechanism: Mechanism) -> StrutRows:
     jacobian, mapping = point.jacobian, point.mapping
     count, task = len(mapping), len(jacobian)
     outside = np.eye(count) - mapping @ mapping.T
+    # Whatever the units of the task velocity, it is scaled to the size of the actuator rates.
+    size = float(np.linalg.norm(jacobian, 2))
+    size = size if size > 0.0 else 1.0
     none = np.zeros(0, dtype=np.intp)
     return StrutRows(
         mechanism,
         np.zeros((0, task)),
         none,
         np.vstack([np.eye(task), np.zeros((count, task))]),
-        np.vstack([jacobian @ mapping.T, outside]),
+        np.vstack([jacobian @ mapping.T / size, outside]),
         np.full(task + count, -1, dtype=np.intp),
-        np.ones(task),
+        np.full(task, 1.0 / size),
         np.ones(count),
         np.arange(task, dtype=np.intp),
         0.0,

@@ -1,0 +1,134 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What can be broken in the simulated mechanism, in words, and what its drives report of it.
+
+The words are those of the fault injection topic:
+``[silent] <position|torque|hard|ok> <actuator|strut|all>``, mode and name in either order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from fault_tolerance.errors import FailureError
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.failure_modes import mode_from_word, mode_words
+
+FaultMode = Literal['position', 'torque', 'hard', 'none']
+
+FAULT_WORDS: dict[str, FaultMode] = {
+    word: mode_from_word(word).value for word in mode_words()
+}
+"""Every word for a mode of failure (or for none), and the mode it means."""
+
+SILENT = 'silent'
+EVERYTHING = 'all'
+_SHOWN_CHARACTERS = 40
+
+
+@dataclass(frozen=True)
+class FaultCommand:
+    """One order to break or mend parts of the simulated mechanism.
+
+    Attributes
+    ----------
+    mode : {'position', 'torque', 'hard', 'none'}
+        What to do to them; 'none' mends.
+    targets : tuple of str
+        Names of what it is done to: actuators for 'position' and 'torque', struts for 'hard',
+        both for 'none'.
+    silent : bool
+        Whether the drives keep it to themselves.
+    """
+
+    mode: FaultMode
+    targets: tuple[str, ...]
+    silent: bool = False
+
+
+@dataclass(frozen=True)
+class FaultBook:
+    """What the simulated drives report.
+
+    A drive reports a fault that is not silent, and reports 'none' once such a fault is mended.
+    It knows nothing of silent faults, neither when they come nor when they go.
+
+    Attributes
+    ----------
+    reports : tuple of (str, str)
+        Name of an actuator or strut, and the mode reported for it, in the order in which they
+        were first reported. Unmentioned: never reported anything.
+    """
+
+    reports: tuple[tuple[str, FaultMode], ...] = ()
+
+    def after(self, command: FaultCommand) -> FaultBook:
+        """Return the book after ``command``; equal to this one if no report changes."""
+        reports = dict(self.reports)
+        for target in command.targets:
+            mends = command.mode == 'none'
+            if (mends and target in reports) or not (mends or command.silent):
+                reports[target] = command.mode
+        return FaultBook(tuple(reports.items()))
+
+
+def fault_command(mechanism: Mechanism, text: str) -> FaultCommand:
+    """Return what ``text`` orders for ``mechanism``.
+
+    `position` and `torque` of a strut mean all its actuators, `hard` of an actuator means its
+    strut; `ok` of an actuator mends the actuator and re-attaches its strut, `ok` of a strut
+    mends the strut and all actuators in it.
+
+    Raises
+    ------
+    FailureError
+        If the text does not follow the grammar, a word is unknown, or the mechanism has no such
+        part; it lists the words that would do.
+    """
+    words = text.split()
+    silent = bool(words) and words[0].lower() == SILENT
+    words = words[1:] if silent else words
+    if len(words) != 2:
+        expected = 'expected [silent] and two words, a mode and a name'
+        raise FailureError(_shortened(text), expected, (*FAULT_WORDS, *_names(mechanism)))
+    mode_word, name = words
+    if mode_word.lower() not in FAULT_WORDS:
+        name_first = words[1].lower() in FAULT_WORDS or mode_word in _names(mechanism)
+        if name_first:
+            name, mode_word = words
+    if mode_word.lower() not in FAULT_WORDS:
+        raise FailureError(_shortened(mode_word), 'unknown mode', tuple(FAULT_WORDS))
+    mode = FAULT_WORDS[mode_word.lower()]
+    return FaultCommand(mode, _targets(mechanism, mode, name), silent)
+
+
+def _targets(mechanism: Mechanism, mode: FaultMode, name: str) -> tuple[str, ...]:
+    """Return the names of all that ``name`` means for ``mode``."""
+    if name not in _names(mechanism):
+        raise FailureError(_shortened(name), 'unknown actuator or strut', _names(mechanism))
+    if name == EVERYTHING:
+        actuators, struts = mechanism.actuator_names, mechanism.strut_names
+    elif name in mechanism.strut_names:
+        actuators, struts = mechanism.actuators_of(name), (name,)
+    else:
+        strut = mechanism.strut_of(name)
+        actuators, struts = (name,), (strut,) if strut else ()
+    if mode == 'none':
+        return (*actuators, *struts)
+    targets = struts if mode == 'hard' else actuators
+    if not targets:
+        missing = 'no strut can be lost' if mode == 'hard' else 'no actuator in the strut'
+        valid = mechanism.strut_names if mode == 'hard' else mechanism.actuator_names
+        raise FailureError(_shortened(name), missing, valid)
+    return targets
+
+
+def _names(mechanism: Mechanism) -> tuple[str, ...]:
+    return (*mechanism.actuator_names, *mechanism.strut_names, EVERYTHING)
+
+
+def _shortened(word: str) -> str:
+    """Return ``word`` fit for a message, whatever was sent."""
+    return word if len(word) <= _SHOWN_CHARACTERS else word[:_SHOWN_CHARACTERS] + '...'

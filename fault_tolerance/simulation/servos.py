@@ -1,0 +1,70 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The drives of the simulated mechanism: commanded rate in, commanded position out."""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+
+BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+
+class Servos:
+    """N velocity servos, each a first-order lag with a rate limit and the stroke as its end.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Gives strokes and rates.
+    time_constant : float
+        Seconds; 0 follows at once.
+    unlimited_rate : float
+        Largest rate of an actuator that has no limit of its own: rad/s, and characteristic
+        lengths a second where it slides.
+
+    Attributes
+    ----------
+    setpoints : (N,) array
+        Joint values the drives hold.
+    rates : (N,) array
+        How fast the setpoints move.
+    """
+
+    def __init__(self, mechanism: Mechanism, time_constant: float, unlimited_rate: float) -> None:
+        sliding = [actuator.kind == 'prismatic' for actuator in mechanism.actuators]
+        fallback = unlimited_rate * np.where(sliding, mechanism.characteristic_length, 1.0)
+        limits = mechanism.velocity_limits
+        self.rate_limits = np.where(np.isfinite(limits), limits, fallback)
+        self.lowest = mechanism.position_limits[:, 0]
+        self.highest = mechanism.position_limits[:, 1]
+        self.setpoints = np.zeros(len(sliding))
+        self.rates = np.zeros(len(sliding))
+        self._time_constant = time_constant
+
+    def advance(self, command: FloatArray, driven: BoolArray, dt: float) -> None:
+        """Let the servos follow ``command`` (N,) for ``dt`` seconds where ``driven`` (N,).
+
+        The lag is integrated exactly, so that the distance travelled does not depend on how
+        time is divided. The others stand still.
+        """
+        wanted = np.clip(command, -self.rate_limits, self.rate_limits)
+        lag = self._time_constant
+        decay = exp(-dt / lag) if lag > 0.0 else 0.0
+        behind = self.rates - wanted
+        travel = np.where(driven, wanted * dt + behind * (lag * (1.0 - decay)), 0.0)
+        reached = self.setpoints + travel
+        self.setpoints = np.clip(reached, self.lowest, self.highest)
+        moving = driven & (reached == self.setpoints)
+        self.rates = np.where(moving, wanted + behind * decay, 0.0)
+
+    def rest_at(self, index: int, value: float) -> float:
+        """Put one servo to rest at ``value``, or as near as its stroke allows; return where."""
+        self.setpoints[index] = np.clip(value, self.lowest[index], self.highest[index])
+        self.rates[index] = 0.0
+        return float(self.setpoints[index])
