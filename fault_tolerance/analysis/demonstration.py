@@ -76,8 +76,6 @@ class PhaseRecord:
     phase : Phase
     state : str
         The controller's, at its end.
-    reason : str
-        The controller's.
     time : (k,) array
         Seconds since the phase began.
     error : (k, 2) array
@@ -96,7 +94,6 @@ class PhaseRecord:
 
     phase: Phase
     state: str
-    reason: str
     time: FloatArray
     error: FloatArray
     reference: FloatArray
@@ -146,7 +143,6 @@ def summary(
                     {'name': name, 'mode': mode} for mode, name in first.phase.failures
                 ],
                 'state': first.state,
-                'reason': first.reason,
                 'tolerable': first.phase.is_tolerable(mechanism),
                 'error_rms_urad': {
                     name: _plain(1e6 * record.error_rms(period))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 
 from fault_tolerance.errors import FailureError
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet, failure_set
@@ -20,8 +21,8 @@ from fault_tolerance.kinematics.reconfiguration import Verdict, reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.description import Mechanism
 
-MOST_CHOICES = 12
-"""Failures whose conversions are tried in all combinations; more would take too long."""
+MOST_COMBINATIONS = 10_000
+"""Combinations of actions judged at most; more would take longer than anybody waits."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,11 @@ def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
 
     Every combination of the actions at hand is judged: brakes on free actuators that have one,
     release of struts that can be released and have a failed actuator.
+
+    Raises
+    ------
+    FailureError
+        If there are more than `MOST_COMBINATIONS`.
     """
     mechanism = rows.mechanism
     alternatives = [
@@ -107,9 +113,10 @@ def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
         for failure in failures.failures
         if failure.mode is not FailureMode.HARD
     ]
-    if sum(len(choices) > 1 for choices in alternatives) > MOST_CHOICES:
-        reason = f'more than {MOST_CHOICES} failures could be converted at once'
-        raise FailureError(str(len(alternatives)), reason)
+    combinations = prod(len(choices) for choices in alternatives)
+    if combinations > MOST_COMBINATIONS:
+        reason = f'more than {MOST_COMBINATIONS} combinations of conversions'
+        raise FailureError(str(combinations), reason)
     as_it_is = _judged(rows, failures, ())
     options = {failures: as_it_is}
     for choice in product(*alternatives):

@@ -19,8 +19,9 @@ from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import null_space, rank_of
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.closure import absorption_threshold
+from fault_tolerance.mechanism.constraints import decomposed
 from fault_tolerance.mechanism.task import Task
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
+from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,11 +169,13 @@ def _compatible_twists(
     rows: StrutRows, attached: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 ) -> tuple[FloatArray, int, float]:
     """Return a basis of the twists the attached structure allows, and what it absorbed."""
-    structure = rows.structure[attached[rows.structure_strut]]
-    if len(structure) == 0:
-        return np.eye(len(rows.twist_scale)), 0, np.inf
-    tall = len(structure) >= structure.shape[1]
-    _, sigma, right = np.linalg.svd(structure, full_matrices=not tall)
+    if rows.decomposition is not None and attached.all():
+        sigma, right = rows.decomposition
+    else:
+        structure = rows.structure[attached[rows.structure_strut]]
+        if len(structure) == 0:
+            return np.eye(len(rows.twist_scale)), 0, np.inf
+        _, sigma, right = decomposed(structure)
     threshold = absorption_threshold(sigma, rows.compliance)
     kept = int((sigma > threshold).sum())
     absorbed = rank_of(sigma) - kept
@@ -187,33 +190,22 @@ def _motions(
     held: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
 ) -> tuple[FloatArray, FloatArray]:
     """Return all motions the rows allow: scaled twists (d, b) and actuator rates (N, b)."""
+    if rows.actuator_rows is not None:
+        rates = np.zeros((len(held), compatible.shape[1]))
+        rates[held] = rows.actuator_rows[held] @ compatible
+        return compatible, rates
+    # Drives that the platform does not determine (in series, or serial arms with spare joints):
+    # the motions are the null space of the whole stack.
     by_numbers = rows.drive_strut < 0
     mine = by_numbers | attached[rows.drive_strut] if len(attached) else by_numbers
     drive = rows.drive[mine] @ compatible
     gains = rows.drive_rates[mine][:, held]
-    rates = np.zeros((len(held), compatible.shape[1]))
-    inverse = _inverse(gains, rows.rate_scale[held])
-    if inverse is not None:
-        rates[held] = inverse @ drive
-        return compatible, rates
-    # Drives that the platform does not determine (in series, or serial arms with spare joints):
-    # the motions are the null space of the whole stack.
     scaled = gains / rows.rate_scale[held]
     motions = null_space(np.hstack([drive, -scaled]))
     width = compatible.shape[1]
     rates = np.zeros((len(held), motions.shape[1]))
     rates[held] = motions[width:] / rows.rate_scale[held, None]
     return compatible @ motions[:width], rates
-
-
-def _inverse(gains: FloatArray, rate_scale: FloatArray) -> FloatArray | None:
-    """Return the inverse of the drives' block, or None where it has no good one."""
-    if gains.shape[0] != gains.shape[1] or gains.shape[0] == 0:
-        return None
-    sigma = np.linalg.svd(gains / rate_scale, compute_uv=False)
-    if sigma[-1] <= WELL_CONDITIONED * sigma[0]:
-        return None
-    return np.asarray(np.linalg.inv(gains))
 
 
 def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -215,5 +215,6 @@ def _worst(
     ]
     if not candidates:
         return None, 0.0
-    value, failure = min(candidates, key=lambda candidate: candidate[0])
+    # Rounding error does not choose between equals: the first named does.
+    value, failure = min(candidates, key=lambda candidate: round(candidate[0], 9))
     return failure, value

@@ -54,8 +54,16 @@ class Equivalence:
     reason: str
 
 
-def outlook(state: PostFailure, mode: FailureMode) -> Outlook:
-    """Return how many further failures of ``mode`` the present ``state`` bears."""
+def outlook(state: PostFailure, mode: FailureMode, most_sets: int = MOST_SETS) -> Outlook:
+    """Return how many further failures of ``mode`` the present ``state`` bears.
+
+    Parameters
+    ----------
+    state : PostFailure
+    mode : FailureMode
+    most_sets : int
+        How many sets of failures may be tried.
+    """
     mechanism, failures = state.rows.mechanism, state.failures
     if mode is FailureMode.HARD:
         names = [name for name in mechanism.strut_names if name not in failures.lost]
@@ -70,7 +78,7 @@ def outlook(state: PostFailure, mode: FailureMode) -> Outlook:
         some, all_ = False, True
         for chosen in combinations(names, size):
             tried += 1
-            if tried > MOST_SETS:
+            if tried > most_sets:
                 return Outlook(certain, possible, False)
             further = failures.and_also(mechanism, *(Failure(mode, name) for name in chosen))
             tolerable = reconfigured(state.rows, further, state.nominal).verdict.tolerable
@@ -108,6 +116,7 @@ def hard_torque_equivalence(
         gained = compatible_twists(rows, others).shape[1] - freedom
         reason = 'what it bars is barred by the others too'
         if gained:
-            reason = f'without it the structure allows {gained} more degree(s) of freedom'
+            freedoms = 'degree of freedom' if gained == 1 else 'degrees of freedom'
+            reason = f'without it the structure allows {gained} more {freedoms}'
         result.append(Equivalence(names[place], gained == 0, reason))
     return tuple(result)

@@ -96,7 +96,9 @@ def verdict(
     places = [names.index(name) for name in order]
     scale = rows.twist_scale[places, None]
     before = adds_rank(nominal.twist_jacobian[places] * scale)
-    after = adds_rank(present.twist_jacobian[places] * scale)
+    after = before
+    if present is not nominal:
+        after = adds_rank(present.twist_jacobian[places] * scale)
     in_task = len(task.coordinates)
     lost = tuple(
         name

@@ -39,6 +39,10 @@ class StrutRows:
     drive_rates : (a, N) array
     drive_strut : (a,) int array
         Index of the strut each drive row belongs to; -1 where there are no struts.
+    actuator_rows : (N, d) array or None
+        ``q'_a = actuator_rows @ twist`` where every strut determines its drives well, else None.
+    decomposition : tuple of arrays or None
+        Singular values and right directions of the whole structure, if known already.
     twist_scale : (d,) array
         The scaled twist is this times the twist.
     rate_scale : (N,) array
@@ -55,6 +59,8 @@ class StrutRows:
     drive: FloatArray
     drive_rates: FloatArray
     drive_strut: IntArray
+    actuator_rows: FloatArray | None
+    decomposition: tuple[FloatArray, FloatArray] | None
     twist_scale: FloatArray
     rate_scale: FloatArray
     task_rows: IntArray
@@ -82,6 +88,8 @@ def strut_rows(configuration: Configuration) -> StrutRows:
         constraints.drive,
         constraints.drive_rates,
         constraints.drive_strut,
+        constraints.actuator_rows,
+        constraints.decomposition[1:],
         twist_scale,
         np.where(revolute, length, 1.0),
         mechanism.task.rows,
@@ -112,6 +120,8 @@ def _rows_by_numbers(mechanism: Mechanism) -> StrutRows:
         np.vstack([np.eye(task), np.zeros((count, task))]),
         np.vstack([jacobian @ mapping.T / size, outside]),
         np.full(task + count, -1, dtype=np.intp),
+        None,
+        None,
         np.full(task, 1.0 / size),
         np.ones(count),
         np.arange(task, dtype=np.intp),

@@ -6,13 +6,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.screws import exponential, moved_to, transformed
+from fault_tolerance.mechanism.screws import (
+    BASE_ORIGIN,
+    joint_displacements,
+    powers,
+    transformed,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +28,8 @@ class Chains:
     ----------
     screws : (s, k, 6) array
         Joint twists at home, base axes, v at the base origin; zero where padded.
+    powers : (3, s, k, 4, 4) array
+        First three powers of the screws' matrices.
     actuator : (s, k) int array
         The place of the joint's actuator in the mechanism's order, -1 where it has none.
     real : (s, k) bool array
@@ -34,20 +41,28 @@ class Chains:
     """
 
     screws: FloatArray
+    powers: FloatArray
     actuator: IntArray
     real: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
     scale: FloatArray
     home: FloatArray
 
-    @property
+    @cached_property
     def active(self) -> FloatArray:
         """1 at actuated joints, else 0, (s, k)."""
         return (self.actuator >= 0).astype(np.float64)
 
-    @property
+    @cached_property
     def passive(self) -> FloatArray:
         """1 at joints without a drive, else 0, (s, k)."""
         return (self.real & (self.actuator < 0)).astype(np.float64)
+
+    @cached_property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Strut and joint of each actuator, (N,) each."""
+        strut, joint = np.nonzero(self.actuator >= 0)
+        order = np.argsort(self.actuator[strut, joint])
+        return strut[order], joint[order]
 
 
 @lru_cache(maxsize=64)
@@ -69,12 +84,15 @@ def chains_of(mechanism: Mechanism) -> Chains:
     scale[:3] = mechanism.characteristic_length
     home = np.eye(4)
     home[:3, 3] = mechanism.origin
-    for array in (screws, actuator, real, scale, home):
+    screw_powers = powers(screws)
+    for array in (screws, screw_powers, actuator, real, scale, home):
         array.setflags(write=False)
-    return Chains(screws, actuator, real, scale, home)
+    return Chains(screws, screw_powers, actuator, real, scale, home)
 
 
-def forward_kinematics(chains: Chains, joint_values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def forward_kinematics(
+    chains: Chains, joint_values: FloatArray, point: FloatArray = BASE_ORIGIN
+) -> tuple[FloatArray, FloatArray]:
     """Return where the joints and the tips of all struts are (product of exponentials).
 
     Parameters
@@ -82,24 +100,20 @@ def forward_kinematics(chains: Chains, joint_values: FloatArray) -> tuple[FloatA
     chains : Chains
     joint_values : (s, k) array
         Radians and metres from home.
+    point : (3,) array
+        Where the velocity of twists is measured, metres, base axes; their origin by default.
 
     Returns
     -------
     screws : (s, k, 6) array
-        Joint twists at the present configuration, base axes, v at the base origin.
+        Joint twists at the present configuration, base axes, v at ``point``.
     tips : (s, 4, 4) array
         The platform frame as each strut alone would have it.
     """
-    steps = exponential(chains.screws * joint_values[..., None])
+    steps = joint_displacements(chains.powers, joint_values)
     count, length = joint_values.shape
     before = np.empty((count, length + 1, 4, 4))
     before[:, 0] = np.eye(4)
     for j in range(length):
         before[:, j + 1] = before[:, j] @ steps[:, j]
-    return transformed(before[:, :-1], chains.screws), before[:, -1] @ chains.home
-
-
-def strut_screws(mechanism: Mechanism, joint_values: FloatArray, point: FloatArray) -> FloatArray:
-    """Return the joint twists (s, k, 6) at ``joint_values`` (s, k), v taken at ``point`` (3,)."""
-    screws, _ = forward_kinematics(chains_of(mechanism), joint_values)
-    return moved_to(screws, point)
+    return transformed(before[:, :-1], chains.screws, point), before[:, -1] @ chains.home

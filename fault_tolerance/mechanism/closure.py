@@ -18,16 +18,20 @@ import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.chains import Chains, chains_of, forward_kinematics
-from fault_tolerance.mechanism.constraints import StrutConstraints, strut_constraints
+from fault_tolerance.mechanism.constraints import (
+    StrutConstraints,
+    decomposed,
+    strut_constraints,
+)
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.screws import difference, displaced, moved_to
+from fault_tolerance.mechanism.screws import difference, displaced
 from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, RANK_TOLERANCE
 
 _MOST_ITERATIONS = 60
 # Steps longer than this many characteristic lengths are shortened: linearisation ends there.
 _LONGEST_STEP = 0.3
 # A Newton step of relative length e leaves an error of about e squared.
-_LAST_STEP_FITTED = 1e-5
+_LAST_STEP_FITTED = 1e-4
 _LAST_STEP_SOLVED = 1e-9
 
 
@@ -57,15 +61,11 @@ class State:
 
 def evaluated(chains: Chains, count: int, pose: FloatArray, joint_values: FloatArray) -> State:
     """Return the state at ``pose`` and ``joint_values`` of a mechanism with N = count drives."""
-    screws, tips = forward_kinematics(chains, joint_values)
-    screws = moved_to(screws, pose[:3, 3])
-    driven = chains.actuator >= 0
-    actuators = np.zeros(count)
-    actuators[chains.actuator[driven]] = joint_values[driven]
+    screws, tips = forward_kinematics(chains, joint_values, pose[:3, 3])
     return State(
         pose,
         joint_values,
-        actuators,
+        joint_values[chains.places],
         screws,
         difference(pose, tips) * chains.scale,
         strut_constraints(chains, screws, count),
@@ -84,6 +84,7 @@ class Closure:
         self.mechanism = mechanism
         self._chains = chains_of(mechanism)
         self._attached = np.array([name not in lost for name in mechanism.strut_names])
+        self._complete = bool(self._attached.all())
         self.held = np.array([actuator.strut not in lost for actuator in mechanism.actuators])
 
     def solved(
@@ -132,12 +133,12 @@ class Closure:
     ) -> tuple[FloatArray, IntArray, FloatArray, FloatArray, FloatArray]:
         """Return the attached struts' structural rows, their struts and decomposition."""
         constraints = state.constraints
+        if self._complete:
+            rows, struts = constraints.structure, constraints.structure_strut
+            return rows, struts, *constraints.decomposition
         mine = self._attached[constraints.structure_strut]
         rows = constraints.structure[mine]
-        struts = constraints.structure_strut[mine]
-        # All six right directions are needed, but never a square matrix of the rows' number.
-        left, sigma, right = np.linalg.svd(rows, full_matrices=len(rows) < 6)
-        return rows, struts, left, sigma, right
+        return rows, constraints.structure_strut[mine], *decomposed(rows)
 
     def _stepped(
         self, state: State, target: FloatArray, nearest_home: bool
@@ -147,8 +148,7 @@ class Closure:
         chains = self._chains
         moved = state.openings + twist
         joint_rates = np.zeros_like(state.joint_values)
-        driven = chains.actuator >= 0
-        joint_rates[driven] = rates[chains.actuator[driven]]
+        joint_rates[chains.places] = rates
         pushed = np.einsum('sk,skj->sj', joint_rates, state.screws) * chains.scale
         passive = np.einsum('skj,sj->sk', state.constraints.passive_inverse, moved - pushed)
         joint_rates += passive
@@ -173,14 +173,7 @@ class Closure:
         twist = -right[:kept].T @ ((left[:, :kept].T @ misclosure) / sigma[:kept])
         free = right[kept:].T
 
-        constraints = state.constraints
-        mine = self._attached[constraints.drive_strut]
-        drive = constraints.drive[mine]
-        opening = np.einsum('ij,ij->i', drive, state.openings[constraints.drive_strut[mine]])
-        # drive (twist + free y) - gains dq = -opening, in the unknowns [y; dq].
-        gains = constraints.drive_rates[mine][:, self.held]
-        stack = np.hstack([drive @ free, -gains])
-        particular, motions = _solutions(stack, -opening - drive @ twist)
+        particular, motions = self._drive_motions(state, twist, free)
         width = free.shape[1]
         values = state.actuator_values[self.held]
         wanted = target[self.held]
@@ -197,6 +190,31 @@ class Closure:
         rates = np.zeros(len(target))
         rates[self.held] = solution[width:]
         return twist + free @ solution[:width], rates
+
+
+    def _drive_motions(
+        self, state: State, twist: FloatArray, free: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return all [y; dq] with which the drives go along with the twist ``twist + free y``.
+
+        One solution, and a basis of the differences.
+        """
+        constraints, rows = state.constraints, state.constraints.actuator_rows
+        width = free.shape[1]
+        if rows is not None:
+            rows = rows[self.held]
+            struts = self._chains.places[0][self.held]
+            closing = np.einsum('ij,ij->i', rows, twist + state.openings[struts])
+            return (
+                np.concatenate([np.zeros(width), closing]),
+                np.vstack([np.eye(width), rows @ free]),
+            )
+        mine = self._attached[constraints.drive_strut]
+        drive = constraints.drive[mine]
+        opening = np.einsum('ij,ij->i', drive, state.openings[constraints.drive_strut[mine]])
+        # drive (twist + free y) - gains dq = -opening, in the unknowns [y; dq].
+        gains = constraints.drive_rates[mine][:, self.held]
+        return _solutions(np.hstack([drive @ free, -gains]), -opening - drive @ twist)
 
 
 def _solutions(matrix: FloatArray, right_hand: FloatArray) -> tuple[FloatArray, FloatArray]:

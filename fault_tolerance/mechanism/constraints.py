@@ -12,12 +12,13 @@ ties the drives to the platform: ``B V = C q'_a`` (docs/theory.md, eq. 5-7).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.chains import Chains
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,9 @@ class StrutConstraints:
         The strut each of these rows belongs to.
     passive_inverse : (s, k, 6) array
         Pseudo-inverse of each strut's passive columns; zero at its other joints.
+    actuator_rows : (N, 6) array or None
+        ``q'_a = actuator_rows @ V``: the drive rows solved for the drives, where every strut
+        determines its own well (the usual case), else None.
     """
 
     structure: FloatArray
@@ -46,6 +50,18 @@ class StrutConstraints:
     drive_rates: FloatArray
     drive_strut: IntArray
     passive_inverse: FloatArray
+    actuator_rows: FloatArray | None
+
+    @cached_property
+    def decomposition(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Singular value decomposition of all structural rows."""
+        return decomposed(self.structure)
+
+
+def decomposed(structure: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the singular value decomposition of rows (g, 6), all right directions included."""
+    # All six right directions are needed, but never a square matrix of the rows' number.
+    return np.linalg.svd(structure, full_matrices=len(structure) < 6)
 
 
 def strut_constraints(chains: Chains, screws: FloatArray, count: int) -> StrutConstraints:
@@ -76,8 +92,7 @@ def strut_constraints(chains: Chains, screws: FloatArray, count: int) -> StrutCo
     for rank in np.unique(ranks):
         members = np.flatnonzero(ranks == rank)
         annihilator = np.swapaxes(left[members][:, :, rank:], 1, 2)
-        block = annihilator @ active[members]
-        turned, gains, mixed = np.linalg.svd(block)
+        turned, gains, mixed = _decomposed_drives(annihilator @ active[members])
         drive_ranks = (gains > threshold[members]).sum(axis=1)
         for drive_rank in np.unique(drive_ranks):
             chosen = np.flatnonzero(drive_ranks == drive_rank)
@@ -91,8 +106,66 @@ def strut_constraints(chains: Chains, screws: FloatArray, count: int) -> StrutCo
     drive_rows, drive_strut = _stacked(drive, 6)
     rate_rows, _ = _stacked(rates, count)
     return StrutConstraints(
-        structure_rows, structure_strut, drive_rows, rate_rows, drive_strut, passive_inverse
+        structure_rows,
+        structure_strut,
+        drive_rows,
+        rate_rows,
+        drive_strut,
+        passive_inverse,
+        _actuator_rows(drive_rows, rate_rows, chains),
     )
+
+
+def _decomposed_drives(block: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the singular value decompositions of the blocks (g, r, k) of driven columns.
+
+    With one drive a strut, which is nearly always so, a reflection does it without iteration.
+    """
+    driven = np.abs(block).max(axis=1, initial=0.0) > 0.0
+    if block.shape[1] == 0 or (driven.sum(axis=1) != 1).any():
+        return np.linalg.svd(block)
+    count, rank, width = block.shape
+    members, joints = np.nonzero(driven)
+    columns = block[members, :, joints]
+    lengths = np.sqrt(np.einsum('gr,gr->g', columns, columns))
+    # The reflection that takes the column to the first axis; away from it, to lose no digits.
+    signs = np.where(columns[:, 0] < 0.0, -1.0, 1.0)
+    normals = columns.copy()
+    normals[:, 0] += signs * lengths
+    halves = 0.5 * np.einsum('gr,gr->g', normals, normals)
+    reflected = np.eye(rank) - normals[:, :, None] * (normals / halves[:, None])[:, None, :]
+    reflected[:, :, 0] *= -signs[:, None]
+    gains = np.zeros((count, min(rank, width)))
+    gains[:, 0] = lengths
+    mixed = np.zeros((count, 1, width))
+    mixed[members, 0, joints] = 1.0
+    return reflected, gains, mixed
+
+
+def _actuator_rows(
+    drive: FloatArray, rates: FloatArray, chains: Chains
+) -> FloatArray | None:
+    """Return the drive rows solved for the drives, or None where they do not determine them."""
+    count = rates.shape[1]
+    if len(rates) != count:
+        return None
+    struts, joints = chains.places
+    # Radians count by the characteristic length: what is small must not depend on units.
+    turning = np.abs(chains.screws[struts, joints, :3]).max(axis=1) > 0.0
+    scaled = rates / np.where(turning, chains.scale[0], 1.0)
+    rows, columns = np.nonzero(rates)
+    if len(rows) == count:
+        # One drive a row: entry by entry, however many there are.
+        entries, size = rates[rows, columns], np.abs(scaled[rows, columns])
+        if len(np.unique(columns)) < count or size.min() <= WELL_CONDITIONED * size.max():
+            return None
+        solved = np.empty_like(drive)
+        solved[columns] = drive[rows] / entries[:, None]
+        return solved
+    sigma = np.linalg.svd(scaled, compute_uv=False)
+    if sigma[-1] <= WELL_CONDITIONED * sigma[0]:
+        return None
+    return np.asarray(np.linalg.solve(rates, drive))
 
 
 def _by_actuator(local: FloatArray, actuator: IntArray, count: int) -> FloatArray:

@@ -106,10 +106,13 @@ class Joint:
     def __post_init__(self) -> None:
         """Normalise and freeze the arrays."""
         axis = frozen_array(self.axis, (3,), f'axis of {self.name}')
-        length = float(np.linalg.norm(axis))
-        if length < 1e-9:
+        largest = float(np.abs(axis).max())
+        if largest < 1e-9:
             raise MechanismError(self.name, 'axis', 'is zero')
-        object.__setattr__(self, 'axis', frozen_array(axis / length, (3,), 'axis'))
+        # In two steps: the length of an axis of 1e200 is not a finite number.
+        direction = axis / largest
+        direction = direction / np.linalg.norm(direction)
+        object.__setattr__(self, 'axis', frozen_array(direction, (3,), 'axis'))
         object.__setattr__(self, 'point', frozen_array(self.point, (3,), f'point of {self.name}'))
 
     @cached_property

@@ -11,7 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from fault_tolerance.errors import ArrayError, MechanismError
-from fault_tolerance.mechanism.description import Actuator, Joint, JointKind, Mechanism, Strut
+from fault_tolerance.mechanism.description import (
+    Actuator,
+    Joint,
+    JointKind,
+    Mechanism,
+    Strut,
+    check_names,
+)
 from fault_tolerance.mechanism.reading import Section, parsed
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
@@ -64,6 +71,7 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
         struts = tuple(_strut(section) for section in top.sections('struts'))
         if not struts:
             raise top.error('struts', 'is empty')
+        _check_names(top, struts)
         actuators = _ordered(top, struts)
     top.close()
     try:
@@ -99,6 +107,21 @@ def _strut(section: Section) -> Strut:
     if not joints:
         raise section.error('joints', 'is empty')
     return Strut(name, joints, release)
+
+
+def _check_names(top: Section, struts: tuple[Strut, ...]) -> None:
+    """Refuse a name that stands for two things, joints of several axes (before expansion) too."""
+    names = []
+    for strut in top.sections('struts'):
+        name = strut.text('name')
+        names.append(('struts', name))
+        for joint in strut.sections('joints'):
+            names.append((f'struts.{name}.joints', joint.text('name')))
+    for part in struts:
+        for actuator in part.actuators:
+            if actuator.name not in (actuator.joint, actuator.joint.rpartition('.')[0]):
+                names.append((f'struts.{part.name}.joints.{actuator.joint}', actuator.name))
+    check_names(top.source, names)
 
 
 def _joints(section: Section, strut: str) -> list[Joint]:

@@ -14,8 +14,8 @@ import yaml
 
 from fault_tolerance.errors import MechanismError
 
-# YAML 1.1 reads 1e-3 (no dot) as text; people write it as a number.
-_EXPONENT = re.compile(r'[-+]?\d+(\.\d*)?[eE][-+]?\d+')
+# YAML 1.1 reads 1e-3 (no dot) and -.5 as text; people write them as numbers.
+_NUMBER_AS_TEXT = re.compile(r'[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+|[-+]\.\d+')
 
 
 class _Loader(yaml.SafeLoader):
@@ -25,11 +25,24 @@ class _Loader(yaml.SafeLoader):
         """Return the mapping; a doubled key is an error with its line."""
         seen = set()
         for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                continue  # refused by the base class
             if key_node.value in seen:
                 line = key_node.start_mark.line + 1
                 raise yaml.YAMLError(f'line {line}: the key {key_node.value!r} is given twice')
             seen.add(key_node.value)
         return super().construct_mapping(node, deep)
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        """Merge what ``<<`` refers to, each key once: merges of merges must not multiply."""
+        super().flatten_mapping(node)
+        # Later ones count: PyYAML puts the mapping's own keys last.
+        merged = {
+            key_node.value if isinstance(key_node, yaml.ScalarNode) else id(key_node): pair
+            for pair in node.value
+            for key_node in pair[:1]
+        }
+        node.value = list(merged.values())
 
 
 class Section:
@@ -74,11 +87,11 @@ class Section:
         return value
 
     def text(self, key: object) -> str:
-        """Return a non-empty string."""
+        """Return a name: one line that is not empty."""
         value = self.get(key)
-        if not isinstance(value, str) or not value.strip():
+        if not _is_name(value):
             raise self.error(key, f'is {_described(value)}, expected a name')
-        return value
+        return str(value)
 
     def number(self, key: object, default: float | None = None) -> float:
         """Return a number; infinities count, NaN does not."""
@@ -126,7 +139,7 @@ class Section:
         """Return a list of names."""
         values = self.items(key)
         for index, value in enumerate(values):
-            if not isinstance(value, str) or not value.strip():
+            if not _is_name(value):
                 reason = f'is {_described(value)}, expected a name'
                 raise self.error(f'{key}[{index}]', reason)
         return tuple(str(value) for value in values)
@@ -135,7 +148,7 @@ class Section:
         """Yield the mappings of a list, each known by its name where it has one."""
         for index, value in enumerate(self.items(key)):
             name = value.get('name') if isinstance(value, dict) else None
-            label = name if isinstance(name, str) else f'[{index}]'
+            label = name if _is_name(name) else f'[{index}]'
             yield Section(self.source, self.where(f'{key}.{label}'), value)
 
     def section(self, key: object) -> Section:
@@ -154,7 +167,7 @@ class Section:
 
     def as_number(self, key: object, value: object) -> float:
         """Return ``value`` as a number."""
-        if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        if isinstance(value, str) and _NUMBER_AS_TEXT.fullmatch(value):
             value = float(value)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise self.error(key, f'is {_described(value)}, expected a number')
@@ -182,6 +195,10 @@ def parsed(text: str, source: str) -> Section:
     except RecursionError:
         raise MechanismError(source, '', 'is not YAML: nested too deeply') from None
     return Section(source, '', content)
+
+
+def _is_name(value: object) -> bool:
+    return isinstance(value, str) and bool(value.strip()) and value.isprintable()
 
 
 def _one_line(error: Exception) -> str:

@@ -18,6 +18,8 @@ from fault_tolerance.mechanism.arrays import FloatArray
 # Below this angle the closed forms lose digits to cancellation; their series are then exact to
 # rounding with the terms kept.
 _SERIES_ANGLE = 1e-3
+BASE_ORIGIN = np.zeros(3)
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
 def skew(vectors: FloatArray) -> FloatArray:
@@ -41,15 +43,14 @@ def exponential(twists: FloatArray) -> FloatArray:
     angle = np.sqrt(squared)
     small = angle < _SERIES_ANGLE
     safe = np.where(small, 1.0, angle)
-    safe_squared = safe * safe
     sine = np.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, np.sin(safe) / safe)
-    cosine = np.where(
-        small, 0.5 - squared / 24.0 + squared**2 / 720.0, (1.0 - np.cos(safe)) / safe_squared
-    )
+    # 1 - cos as a square: the difference would lose digits.
+    half = np.sin(0.5 * safe) / safe
+    cosine = np.where(small, 0.5 - squared / 24.0 + squared**2 / 720.0, 2.0 * half * half)
     cubic = np.where(
         small,
         1.0 / 6.0 - squared / 120.0 + squared**2 / 5040.0,
-        (safe - np.sin(safe)) / (safe_squared * safe),
+        (safe - np.sin(safe)) / safe**3,
     )
     hat = skew(w)
     hat_squared = hat @ hat
@@ -64,28 +65,74 @@ def exponential(twists: FloatArray) -> FloatArray:
     return result
 
 
-def transformed(poses: FloatArray, twists: FloatArray) -> FloatArray:
-    """Return ``Ad(poses) twists`` (..., 6): twists carried along by displacements (..., 4, 4)."""
-    rotation = poses[..., :3, :3]
-    w = np.einsum('...ij,...j->...i', rotation, twists[..., :3])
-    v = np.einsum('...ij,...j->...i', rotation, twists[..., 3:])
-    return np.concatenate([w, v + np.cross(poses[..., :3, 3], w)], axis=-1)
+def powers(screws: FloatArray) -> FloatArray:
+    """Return the first three powers (3, ..., 4, 4) of the matrices of unit screws (..., 6)."""
+    matrix = np.zeros((*screws.shape[:-1], 4, 4))
+    matrix[..., :3, :3] = skew(screws[..., :3])
+    matrix[..., :3, 3] = screws[..., 3:]
+    squared = matrix @ matrix
+    return np.stack([matrix, squared, squared @ matrix])
+
+
+def joint_displacements(screw_powers: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the displacements (..., 4, 4) of joints by ``values`` (...).
+
+    ``exp(q S) = I + q S + (1 - cos q) S^2 + (q - sin q) S^3`` holds for unit screws, revolute or
+    prismatic; the powers of S (`powers`) are kept from one configuration to the next.
+    """
+    factors = np.stack([values, 2.0 * np.sin(0.5 * values) ** 2, values - np.sin(values)])
+    return np.asarray(np.eye(4) + (factors[..., None, None] * screw_powers).sum(axis=0))
+
+
+def transformed(
+    poses: FloatArray, twists: FloatArray, point: FloatArray = BASE_ORIGIN
+) -> FloatArray:
+    """Return twists (..., 6) carried along by displacements (..., 4, 4), ``Ad(poses) twists``.
+
+    Parameters
+    ----------
+    poses : (..., 4, 4) array
+    twists : (..., 6) array
+        v at the base origin.
+    point : (3,) array
+        Where v of the result is measured; the base origin by default.
+    """
+    pair = np.swapaxes(twists.reshape(*twists.shape[:-1], 2, 3), -1, -2)
+    turned = poses[..., :3, :3] @ pair
+    w = turned[..., 0]
+    return np.concatenate([w, turned[..., 1] + cross(poses[..., :3, 3] - point, w)], axis=-1)
 
 
 def moved_to(twists: FloatArray, point: FloatArray) -> FloatArray:
     """Return ``twists`` (..., 6), given about the base origin, with v measured at ``point``."""
     w = twists[..., :3]
-    return np.concatenate([w, twists[..., 3:] + np.cross(w, point)], axis=-1)
+    return np.concatenate([w, twists[..., 3:] + cross(w, point)], axis=-1)
+
+
+def cross(left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the cross products of vectors (..., 3), much faster than numpy for few of them."""
+    return np.asarray(
+        left[..., _NEXT] * right[..., _AFTER] - left[..., _AFTER] * right[..., _NEXT]
+    )
 
 
 def rotation_vector(rotations: FloatArray) -> FloatArray:
-    """Return the rotation vectors (..., 3) of ``rotations`` (..., 3, 3), angles up to pi.
-
-    Goes through the unit quaternion of largest component, which is well conditioned at every
-    angle.
-    """
+    """Return the rotation vectors (..., 3) of ``rotations`` (..., 3, 3), angles up to pi."""
     r = rotations
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
+    if trace.min(initial=3.0) < 1.0:
+        return _rotation_vector_by_quaternion(r, trace)
+    # Up to a right angle the antisymmetric part says it all.
+    axis = 0.5 * (r[..., _AFTER, _NEXT] - r[..., _NEXT, _AFTER])
+    sine = np.sqrt(np.einsum('...i,...i->...', axis, axis))
+    small = sine < 1e-9
+    angle = np.arctan2(sine, 0.5 * (trace - 1.0))
+    factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
+    return np.asarray(factor[..., None] * axis)
+
+
+def _rotation_vector_by_quaternion(r: FloatArray, trace: FloatArray) -> FloatArray:
+    """Go through the unit quaternion of largest component: well conditioned at every angle."""
     diagonal = np.stack([r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]], axis=-1)
     # Rows of 4 q q^T: each is the quaternion (w, x, y, z) times four times one component.
     outer = np.empty((*r.shape[:-2], 4, 4))
