@@ -18,11 +18,11 @@ def run_with_failure(words, *, recovery=True, seed=1):
     """Return the traces before and after a failure, three periods of the circle each."""
     settings = LoopSettings(control=Settings(recovery=recovery), seed=seed)
     loop = ClosedLoop(MECHANISM, settings=settings)
-    loop.run(1.0)
+    loop.run(3.0)
     healthy = loop.run(3.0)
     for word in words:
         loop.inject(word)
-    at_once = loop.run(1.0)
+    at_once = loop.run(3.0)
     return loop, healthy, at_once, loop.run(3.0)
 
 
@@ -65,6 +65,7 @@ def test_mending_and_clearing_returns_to_nominal_without_a_jump():
     loop.inject('ok all')
     loop.clear()
     first = loop.run(LoopSettings().period)
+    loop.run(3.0)
     healed = loop.run(3.0)
 
     assert first.states == (State.NOMINAL,)

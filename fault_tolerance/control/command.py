@@ -1,0 +1,96 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From a task velocity to a command: resolved, slowed near singularities, kept within limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fault_tolerance.control.limits import (
+    LimitedRate,
+    limited_rate,
+    rate_bounds,
+    singularity_scale,
+)
+from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.kinematics.differential import (
+    DifferentialKinematics,
+    differential_kinematics,
+)
+from fault_tolerance.kinematics.rows import home_rows
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+
+LEAVING = 2.0
+"""How far above the margin at which it holds the mechanism must be before it moves again."""
+
+
+class CommandLaw:
+    """Turns task velocities into commands.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    settings : Settings
+    """
+
+    def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
+        self._mechanism = mechanism
+        self._settings = settings
+        self._twist_scale, self._rate_scale = _scales(mechanism)
+        self._near_singular = False
+        # What is near is judged against home, where the mechanism is made to work; a home that
+        # is singular itself, as of a stretched arm, is no yardstick.
+        resting = np.zeros(len(mechanism.task.coordinates))
+        home = self.resolved(differential_kinematics(home_rows(mechanism)), resting)
+        at_home = home.transmission
+        self._yardstick = at_home if at_home > settings.slow_below else 1.0
+
+    def resolved(self, kinematics: DifferentialKinematics, velocity: FloatArray) -> ResolvedRate:
+        """Return the rates for a task velocity (l,), not limited yet."""
+        return resolved_rate(
+            kinematics,
+            velocity,
+            twist_scale=self._twist_scale,
+            rate_scale=self._rate_scale,
+        )
+
+    def obstacle(self, resolved: ResolvedRate) -> str:
+        """Return why the mechanism is too near a singularity to move; empty if it is not."""
+        margin = resolved.transmission / self._yardstick
+        limit = self._settings.hold_below * (LEAVING if self._near_singular else 1.0)
+        self._near_singular = margin <= limit
+        if not self._near_singular:
+            return ''
+        return f'near a singularity of the major task (margin below {limit:.2g})'
+
+    def limited(self, resolved: ResolvedRate, values: FloatArray) -> LimitedRate:
+        """Return the command at the joint values (N,), NaN where there are none.
+
+        Raises
+        ------
+        ArithmeticError
+            If it is not finite.
+        """
+        settings = self._settings
+        margin = resolved.transmission / self._yardstick
+        limited = limited_rate(
+            resolved,
+            rate_bounds(self._mechanism, values, settings.stroke_gain),
+            self._mechanism.actuator_names,
+            singularity_scale(margin, settings.hold_below, settings.slow_below),
+        )
+        command = limited.command
+        if not (np.isfinite(command.rates).all() and np.isfinite(command.twist).all()):
+            raise ArithmeticError('the command is not finite')
+        return limited
+
+
+def _scales(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Return what turns task velocities (l,) and actuator rates (N,) into metres per second."""
+    length = mechanism.characteristic_length
+    turning = [name.startswith('w') for name in mechanism.task.coordinates]
+    revolute = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
+    return np.where(turning, length, 1.0), np.where(revolute, length, 1.0)

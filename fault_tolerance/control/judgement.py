@@ -1,0 +1,78 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The kinematics to go on with after failures, and whether they will do."""
+
+from __future__ import annotations
+
+from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.measures import PresentMeasures
+from fault_tolerance.kinematics.reconfiguration import (
+    PostFailure,
+    failures_in_words,
+    reconfigured,
+)
+from fault_tolerance.kinematics.rows import StrutRows
+
+COMPLIANCE_BAND = 1.2
+"""An absorbed constraint counts again only above this many times the compliance."""
+
+
+class PostFailureModel:
+    """Gives the kinematics with the present failures, always from the nominal rows.
+
+    Structural constraints up to the mechanism's compliance are absorbed by the flexures
+    (docs/theory.md, section 6). Where a scan crosses that threshold again and again, the verdict
+    would change with every noisy reading. So a constraint that was absorbed stays so until it
+    exceeds the compliance by `COMPLIANCE_BAND`.
+    """
+
+    def __init__(self) -> None:
+        self._failures = FailureSet()
+        self._nominal = 0
+        self._present = 0
+
+    def at(self, rows: StrutRows, failures: FailureSet) -> PostFailure:
+        """Return the kinematics at ``rows`` with ``failures`` present."""
+        post = reconfigured(rows, failures)
+        if self._is_undecided(post, rows.compliance):
+            post = reconfigured(rows.with_compliance(COMPLIANCE_BAND * rows.compliance), failures)
+        self._failures = failures
+        self._nominal = _freedom(post.nominal)
+        self._present = _freedom(post.present)
+        return post
+
+    def _is_undecided(self, post: PostFailure, compliance: float) -> bool:
+        """Return whether a freedom is gone by a constraint only just above the compliance."""
+        limit = COMPLIANCE_BAND * compliance
+        if post.nominal.weakest_kept <= limit and _freedom(post.nominal) < self._nominal:
+            return True
+        if post.failures != self._failures:
+            return False
+        return post.present.weakest_kept <= limit and _freedom(post.present) < self._present
+
+
+def _freedom(kinematics: DifferentialKinematics) -> int:
+    """Return the number of motions, controlled or not."""
+    return kinematics.mobility + int(kinematics.unactuated.shape[1])
+
+
+def intolerance(post: PostFailure, measures: PresentMeasures, threshold: float) -> str:
+    """Return why the failures of ``post`` are not tolerated; empty if they are.
+
+    They are tolerated when the platform is held, its major coordinates are all there, and no
+    measure of theirs is below ``threshold``: nearly lost counts as lost.
+    """
+    found = {
+        'position': measures.position,
+        'torque': measures.torque,
+        'hard': measures.hard,
+    }
+    name, value = min(found.items(), key=lambda item: item[1])
+    if not post.verdict.tolerable:
+        return f'{post.verdict.reason} ({name} measure {value:.3g})'
+    if value >= threshold:
+        return ''
+    words = failures_in_words(post.failures)
+    return f'{words}: {name} measure {value:.3g} is below the tolerance threshold {threshold:.3g}'

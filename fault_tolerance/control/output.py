@@ -1,0 +1,101 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What one cycle of the controller gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fault_tolerance.control.ledger import LedgerClear
+from fault_tolerance.control.recovery import State
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.reconfiguration import PostFailure
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.configuration import Configuration
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """The command of one cycle, and the certificate that goes with it.
+
+    Attributes
+    ----------
+    rates : (N,) array
+        Joint rates in the mechanism's order, always finite; zero unless nominal or degraded.
+    state : State
+    reason : str
+        Why it is in this state, a sentence.
+    failures : FailureSet
+        Latched, whatever the state.
+    post : PostFailure or None
+        Kinematics and verdict at the last usable joint values; None before there were any.
+    configuration : Configuration or None
+        The same for the configuration.
+    achieved : (6,) array
+        The platform twist the rates give, base axes, v of the platform's origin.
+    residual : (l,) array
+        What is missing of the task velocity asked for, in the task's order.
+    scale : float
+        The factor by which limits or a near singularity slow everything down.
+    secondary_scale : float
+        The factor by which the secondary motion had to give way before.
+    saturation : tuple of str
+        Actuators that would have crossed a limit.
+    input_lost : bool
+        Whether an input that was there, or is waited for, is missing.
+    recovery_time : float
+        Seconds from the last failure report that changed anything to the end of the step that
+        followed it; 0 before there was one, or without a clock.
+    """
+
+    rates: FloatArray
+    state: State
+    reason: str
+    failures: FailureSet
+    post: PostFailure | None
+    configuration: Configuration | None
+    achieved: FloatArray
+    residual: FloatArray
+    scale: float
+    secondary_scale: float
+    saturation: tuple[str, ...]
+    input_lost: bool
+    recovery_time: float
+
+
+@dataclass(frozen=True)
+class ClearOutcome:
+    """What clearing the failures did.
+
+    Attributes
+    ----------
+    success : bool
+        Whether anything was released.
+    message : str
+        What was, what is still reported, and the state now.
+    """
+
+    success: bool
+    message: str
+
+
+def clear_outcome(cleared: LedgerClear, lifted: bool, state: str) -> ClearOutcome:
+    """Return what a clear did.
+
+    Parameters
+    ----------
+    cleared : LedgerClear
+    lifted : bool
+        Whether a stop was lifted.
+    state : str
+        The state now.
+    """
+    parts = []
+    if cleared.released:
+        parts.append(f'released {", ".join(cleared.released)}')
+    if cleared.remaining:
+        parts.append(f'still reported: {", ".join(cleared.remaining)}')
+    if not parts:
+        parts.append('stop lifted' if lifted else 'nothing to release')
+    return ClearOutcome(bool(cleared.released) or lifted, f'{"; ".join(parts)}; now {state}')

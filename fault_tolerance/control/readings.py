@@ -1,0 +1,103 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joint states brought into the mechanism's order and counted from home."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+
+LARGEST_VALUE = 1e6
+"""Radians or metres; beyond it no reading is one, and squares of it would lose their meaning."""
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """The outcome of reading one joint state.
+
+    Attributes
+    ----------
+    values : (N,) array or None
+        Joint values in the mechanism's order, NaN at joints of lost struts without a reading;
+        None where the message as a whole cannot be used.
+    notice : Notice or None
+        Why not.
+    """
+
+    values: FloatArray | None
+    notice: Notice | None = None
+
+
+def joint_readings(
+    mechanism: Mechanism,
+    names: Sequence[str],
+    positions: Sequence[float],
+    lost: Collection[str] = (),
+) -> Readings:
+    """Return the joint values a joint state gives; joints of other machines are ignored.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    names : sequence of str
+        Names as in joint states, in any order.
+    positions : sequence of float
+        What the encoders read.
+    lost : collection of str
+        Lost struts: their joints may be missing, or not finite.
+    """
+    if not len(names):
+        return Readings(None, Notice('empty_joint_state', ''))
+    if len(names) != len(positions):
+        text = f'joint state has {len(names)} names but {len(positions)} positions'
+        return Readings(None, Notice('length', text))
+    found = dict(zip(names, positions, strict=True))
+    if len(found) != len(names):
+        doubled = [name for name in mechanism.joint_state_names if list(names).count(name) > 1]
+        if doubled:
+            text = f'joint state names {", ".join(doubled)} twice'
+            return Readings(None, Notice('doubled_joint', text))
+    missing = [
+        actuator.joint_state_name
+        for actuator in mechanism.actuators
+        if actuator.joint_state_name not in found and not _is_lost(actuator.strut, lost)
+    ]
+    if missing:
+        text = f'joint state lacks {", ".join(missing)}'
+        return Readings(None, Notice('missing_joint', text))
+    encoders = [found.get(name, np.nan) for name in mechanism.joint_state_names]
+    values = mechanism.values_from_readings(np.array(encoders, dtype=np.float64))
+    notice = unusable(mechanism, values, lost)
+    return Readings(None if notice else values, notice)
+
+
+def unusable(mechanism: Mechanism, values: FloatArray, lost: Collection[str]) -> Notice | None:
+    """Return why joint values (N,) cannot be used, or None if they can.
+
+    Only the joints of lost struts may be without a finite value of a possible size.
+    """
+    if values.shape != (len(mechanism.actuators),):
+        text = f'joint values of shape {values.shape} for {len(mechanism.actuators)} actuators'
+        return Notice('length', text)
+    usable = np.abs(values) <= LARGEST_VALUE
+    if usable.all():
+        return None
+    bad = [
+        mechanism.joint_state_names[index]
+        for index in np.flatnonzero(~usable)
+        if not _is_lost(mechanism.actuators[index].strut, lost)
+    ]
+    if not bad:
+        return None
+    return Notice('not_finite', f'the position of {", ".join(bad)} is not a finite, sane number')
+
+
+def _is_lost(strut: str, lost: Collection[str]) -> bool:
+    return bool(strut) and strut in lost

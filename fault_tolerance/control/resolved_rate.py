@@ -1,0 +1,200 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Resolved rates with task priority: which actuator rates give a task velocity.
+
+The major part of the task is met exactly where that is possible (the shortest solution, by least
+squares in the metric of twists where it is not). The secondary part is met as well as the null
+space of the major part allows:
+
+    q' = J_m^+ v_m + N (J_s N)^+ (v_s - J_s J_m^+ v_m),    N = null(J_m)
+
+Singular values are taken with rotations times the characteristic length, of the platform and of
+rotary drives alike. So they are transmissions: metres per second of the platform per metre per
+second of the drives. Directions with a very small one are left out, never inverted: the rates
+stay bounded, and the residual shows what is missing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.kinematics.measures import CONDITION_CAP
+from fault_tolerance.kinematics.subspaces import rank_of
+from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.task import COORDINATES
+
+SINGULAR_BELOW = 5e-4
+"""Directions with a smaller transmission are not driven: nothing so small is ever inverted."""
+
+LARGEST_SPEED = 1e100
+"""Task velocities with a larger component are brought down to it, all components by one factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedRate:
+    """Actuator rates for a task velocity, with their certificate.
+
+    Attributes
+    ----------
+    kinematics : DifferentialKinematics
+        What the rates were resolved with.
+    velocity : (l,) array
+        What was asked for, in the task's order, rad/s and m/s.
+    major, secondary : (n,) array
+        The parts of the reduced rates that serve the major and the secondary task.
+    rank : int
+        Directions of the major task that can be followed.
+    transmission : float
+        The smallest transmission of a major direction, 0 where one is lost. Its way to zero is
+        the way to a singularity.
+    """
+
+    kinematics: DifferentialKinematics
+    velocity: FloatArray
+    major: FloatArray
+    secondary: FloatArray
+    rank: int
+    transmission: float
+
+    @cached_property
+    def reduced(self) -> FloatArray:
+        """Reduced actuator rates, (n,)."""
+        return _frozen(self.major + self.secondary)
+
+    @cached_property
+    def rates(self) -> FloatArray:
+        """Rates of all actuators in the mechanism's order, (N,); free ones as they follow."""
+        return _frozen(self.kinematics.rate_map @ self.reduced)
+
+    @cached_property
+    def achieved(self) -> FloatArray:
+        """The task velocity that the rates give, (l,)."""
+        return _frozen(self.kinematics.jacobian @ self.reduced)
+
+    @cached_property
+    def residual(self) -> FloatArray:
+        """What was asked for less what is achieved, (l,)."""
+        return _frozen(self.velocity - self.achieved)
+
+    @cached_property
+    def twist(self) -> FloatArray:
+        """The platform twist that the rates give, (6,): base axes, v of the platform's origin.
+
+        For a mechanism given by numbers, zero outside the task.
+        """
+        twist = self.kinematics.twist_jacobian @ self.reduced
+        if len(twist) != len(COORDINATES):
+            twist = np.zeros(len(COORDINATES))
+            twist[self.kinematics.task.rows] = self.achieved
+        return _frozen(twist)
+
+    @property
+    def smallest_singular_value(self) -> float:
+        """The m-th singular value of J_m in its own units, 0 where there are fewer."""
+        return _smallest(self._singular_values, len(self.kinematics.major))
+
+    @property
+    def condition_number(self) -> float:
+        """The condition number of J_m in its own units, at most 1e12."""
+        smallest = self.smallest_singular_value
+        largest = float(self._singular_values.max(initial=0.0))
+        return largest / smallest if smallest > largest / CONDITION_CAP else CONDITION_CAP
+
+    def scaled(self, scale: float, secondary_scale: float = 1.0) -> ResolvedRate:
+        """Return it with the secondary part, and then everything, multiplied by a factor."""
+        major = _frozen(scale * self.major)
+        secondary = _frozen((scale * secondary_scale) * self.secondary)
+        return replace(self, major=major, secondary=secondary)
+
+    @cached_property
+    def _singular_values(self) -> FloatArray:
+        return np.asarray(np.linalg.svd(self.kinematics.major, compute_uv=False))
+
+
+def resolved_rate(
+    kinematics: DifferentialKinematics,
+    velocity: FloatArray,
+    *,
+    twist_scale: FloatArray | None = None,
+    rate_scale: FloatArray | None = None,
+    singular_below: float = SINGULAR_BELOW,
+) -> ResolvedRate:
+    """Return the actuator rates for a task velocity (docs/theory.md, eq. 22).
+
+    Parameters
+    ----------
+    kinematics : DifferentialKinematics
+        Of the mechanism as it is, failures included.
+    velocity : (l,) array
+        Task velocity in the task's order, finite.
+    twist_scale : (l,) array, optional
+        Turns task velocities into metres per second; ones by default.
+    rate_scale : (N,) array, optional
+        Turns actuator rates into metres per second; ones by default.
+    singular_below : float
+        See `SINGULAR_BELOW`.
+
+    Raises
+    ------
+    ArrayError
+        If the velocity has the wrong length or is not finite.
+    """
+    task = kinematics.task
+    asked = frozen_array(velocity, (len(task.coordinates),), 'task velocity')
+    # The size is taken out first, so that a huge velocity overflows nowhere on the way.
+    size = float(np.max(np.abs(asked)))
+    unit = asked / size if size > 0.0 else asked
+    size = min(size, LARGEST_SPEED)
+
+    rows, others = task.major_rows, task.secondary_rows
+    weights = np.ones(len(asked)) if twist_scale is None else twist_scale
+    coordinates = _drive_coordinates(kinematics, rate_scale)
+    jacobian, wanted = (weights[:, None] * kinematics.jacobian) @ coordinates, weights * unit
+    left, sigma, right = np.linalg.svd(jacobian[rows])
+    driven = int((sigma > singular_below).sum())
+    major = right[:driven].T @ ((left[:, :driven].T @ wanted[rows]) / sigma[:driven])
+
+    secondary = np.zeros_like(major)
+    free = right[rank_of(sigma, max(1.0, float(sigma.max(initial=0.0)))) :].T
+    if others.size and free.shape[1]:
+        left, gains, mixed = np.linalg.svd(jacobian[others] @ free, full_matrices=False)
+        kept = gains > singular_below
+        missing = wanted[others] - jacobian[others] @ major
+        secondary = free @ (mixed[kept].T @ ((left[:, kept].T @ missing) / gains[kept]))
+
+    return ResolvedRate(
+        kinematics=kinematics,
+        velocity=asked,
+        major=_frozen(size * (coordinates @ major)),
+        secondary=_frozen(size * (coordinates @ secondary)),
+        rank=driven,
+        transmission=_smallest(sigma, len(rows)),
+    )
+
+
+def _drive_coordinates(
+    kinematics: DifferentialKinematics, rate_scale: FloatArray | None
+) -> FloatArray:
+    """Return reduced rates (n, n) per coordinates in which lengths are the drives' speed."""
+    if rate_scale is None:
+        return np.eye(kinematics.mobility)
+    if (rate_scale == rate_scale[0]).all():
+        return np.eye(kinematics.mobility) / float(rate_scale[0])
+    # The columns of T are orthonormal in mixed units, if drives of both kinds are among them.
+    triangle = np.linalg.qr(rate_scale[:, None] * kinematics.mapping, mode='r')
+    return np.asarray(np.linalg.inv(triangle))
+
+
+def _smallest(sigma: FloatArray, count: int) -> float:
+    """Return the last of ``count`` singular values, 0 where there are fewer."""
+    return float(sigma[-1]) if len(sigma) == count else 0.0
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,69 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Settings of the controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
+
+UnknownMode = Literal['stop', 'ignore']
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the controller behaves.
+
+    Attributes
+    ----------
+    joint_state_timeout : float
+        Seconds without a usable joint state after which it holds.
+    command_timeout : float
+        Seconds without a task velocity after which it rests, in the state it is in.
+    report_timeout : float
+        Seconds for which a failure counts as still reported.
+    tolerance_threshold : float
+        A measure of the present failures below it means that they are not tolerated.
+    auto_clear : bool
+        Whether a report that a part is healthy releases its failure.
+    unknown_mode : {'stop', 'ignore'}
+        What an unknown failure mode at level ERROR leads to.
+    recovery : bool
+        False: go on commanding as if nothing had failed (for comparison; it still stops).
+    stroke_gain : float
+        1/s: how fast actuators may approach the ends of their strokes, per distance left.
+    slow_below, hold_below : float
+        Near a singularity everything slows down, and then holds: the transmission of the worst
+        major direction (see `ResolvedRate`), relative to that at home, at which it does.
+    clock : callable, optional
+        Returns seconds; measures the time a recovery takes. 0 s are given without it.
+    """
+
+    joint_state_timeout: float = 0.1
+    command_timeout: float = 0.1
+    report_timeout: float = 3.0
+    tolerance_threshold: float = 1e-3
+    auto_clear: bool = False
+    unknown_mode: UnknownMode = 'stop'
+    recovery: bool = True
+    stroke_gain: float = 10.0
+    slow_below: float = 5e-3
+    hold_below: float = 5e-4
+    clock: Callable[[], float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers; ValueError names what is wrong."""
+        positive = ('joint_state_timeout', 'command_timeout', 'report_timeout', 'stroke_gain')
+        for name in positive:
+            value = getattr(self, name)
+            if not (isfinite(value) and value > 0.0):
+                raise ValueError(f'{name}: {value} is not a positive number')
+        if not 0.0 <= self.tolerance_threshold <= 1.0:
+            raise ValueError(f'tolerance_threshold: {self.tolerance_threshold} is not in [0, 1]')
+        if not 0.0 < self.hold_below < self.slow_below < 1.0:
+            raise ValueError('hold_below, slow_below: expected 0 < hold_below < slow_below < 1')
+        if self.unknown_mode not in ('stop', 'ignore'):
+            raise ValueError(f'unknown_mode: {self.unknown_mode!r} is neither stop nor ignore')

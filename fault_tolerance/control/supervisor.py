@@ -1,0 +1,270 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The controller itself: joint values, task velocities and failure reports in, rates out.
+
+It keeps no time of its own: ``now`` and stamps are seconds on one time line, given by the
+caller. Inputs are noted as they come; `Supervisor.step` computes. A failure report changes the
+very next step, wherever that is called from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+import numpy as np
+
+from fault_tolerance.control.assessment import Assessment, Assessor, without_lost
+from fault_tolerance.control.command import CommandLaw
+from fault_tolerance.control.inputs import WatchedInput
+from fault_tolerance.control.ledger import FailureLedger, LedgerUpdate
+from fault_tolerance.control.limits import LimitedRate
+from fault_tolerance.control.metrics import Metrics, metrics_of
+from fault_tolerance.control.notices import Notice, clean
+from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
+from fault_tolerance.control.readings import unusable
+from fault_tolerance.control.recovery import Conditions, Decision, State, StateMachine
+from fault_tolerance.control.reports import Report
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.errors import ArrayError
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.reconfiguration import failures_in_words
+from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.description import Mechanism
+
+MOST_ERRORS = 3
+"""Internal errors in a row after which the controller stops."""
+
+_WAITING = 'no joint state yet'
+
+
+class Supervisor:
+    """Keeps a mechanism pointing through failures, or stops it.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    settings : Settings, optional
+    """
+
+    def __init__(self, mechanism: Mechanism, settings: Settings | None = None) -> None:
+        self.mechanism = mechanism
+        self.settings = settings or Settings()
+        self._readings = WatchedInput(
+            'joint state', self.settings.joint_state_timeout, ordered=True
+        )
+        self._velocity = WatchedInput(
+            'task velocity', self.settings.command_timeout, ordered=False
+        )
+        self._ledger = FailureLedger(
+            mechanism,
+            auto_clear=self.settings.auto_clear,
+            stop_on_unknown_mode=self.settings.unknown_mode == 'stop',
+            report_timeout=self.settings.report_timeout,
+        )
+        self._machine = StateMachine()
+        self._law = CommandLaw(mechanism, self.settings)
+        self._assessor = Assessor(mechanism, self.settings.tolerance_threshold)
+        self._assessment: Assessment | None = None
+        self._outdated = False
+        self._paused = False
+        self._errors = 0
+        self._now = -inf
+        self._reported_at: float | None = None
+        self._recovery_time = 0.0
+        self._output = self._result(self._machine.decide(Conditions(waiting=_WAITING)), self._now)
+
+    @property
+    def failures(self) -> FailureSet:
+        """The failures in force."""
+        return self._ledger.failures
+
+    @property
+    def output(self) -> Output:
+        """What the last step gave."""
+        return self._output
+
+    def joint_reading(
+        self, values: FloatArray, now: float, stamp: float | None = None
+    ) -> Notice | None:
+        """Take the joint values of all actuators.
+
+        Parameters
+        ----------
+        values : (N,) array
+            In the mechanism's order, counted from home; NaN where there is no reading, which
+            only joints of lost struts may lack.
+        now : float
+        stamp : float, optional
+            When they were measured; now by default.
+
+        Returns
+        -------
+        Notice or None
+            Why the values were left aside; the last good ones then stand until they are stale.
+        """
+        self._pass_time(now)
+        lost = self.failures.lost
+        taken = np.array(values, dtype=np.float64)
+        notice = unusable(self.mechanism, taken, lost) or self._readings.offer(taken, now, stamp)
+        self._outdated = self._outdated or notice is None
+        return notice
+
+    def task_velocity(
+        self, velocity: FloatArray, now: float, stamp: float | None = None
+    ) -> Notice | None:
+        """Take a task velocity (l,) in the task's order; return why it was left aside."""
+        self._pass_time(now)
+        count = len(self.mechanism.task.coordinates)
+        try:
+            taken = frozen_array(velocity, (count,), 'task velocity', finite=False)
+        except ArrayError as error:
+            return Notice('length', str(error))
+        if not np.isfinite(taken).all():
+            return Notice('not_finite', 'task velocity holds a number that is not finite')
+        return self._velocity.offer(taken, now, stamp)
+
+    def reports(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
+        """Take the failure reports of one message; true if they changed what is in force."""
+        clock = self.settings.clock
+        started = clock() if clock else None
+        self._pass_time(now)
+        update = self._ledger.apply(reports, now)
+        if update.changed:
+            self._outdated = True
+            self._reported_at = started
+        return update
+
+    def clear(self, now: float) -> ClearOutcome:
+        """Release what is no longer reported, lift a stop, and judge what is left."""
+        self._pass_time(now)
+        cleared = self._ledger.clear(now)
+        self._outdated = True
+        self._errors = 0
+        was_stopped = self._machine.release()
+        state = self.step(now).state.value
+        lifted = was_stopped and not self._machine.stop
+        return clear_outcome(cleared, lifted, state)
+
+    def pause(self, paused: bool, now: float) -> None:
+        """Hold until it is called with False."""
+        self._pass_time(now)
+        self._paused = paused
+
+    def step(self, now: float) -> Output:
+        """Return the command for the inputs at hand. Never raises; the rates are finite."""
+        self._pass_time(now)
+        try:
+            self._output = self._cycle(now)
+            self._errors = 0
+        except Exception as error:  # whatever it is, the mechanism must come to rest
+            self._errors += 1
+            text = clean(f'internal error: {type(error).__name__}: {error}')
+            stop = text if self._errors >= MOST_ERRORS else self._ledger.stop_reason
+            decision = self._machine.decide(Conditions(stop=stop, hold=text))
+            self._output = self._result(decision, now)
+        return self._output
+
+    def metrics(self) -> Metrics:
+        """Return the measures that go with the last step; what is slow is computed here."""
+        return metrics_of(self.mechanism, self._output, self._assessment)
+
+    def _cycle(self, now: float) -> Output:
+        values = self._readings.value
+        if self._outdated and values is not None:
+            self._assessment = self._assessor.assessed(values, self.failures)
+            self._outdated = False
+        assessment = self._assessment
+        stop = self._ledger.stop_reason or (assessment.intolerance if assessment else '')
+        hold = self._hold_reason(now)
+        resolved = None
+        if assessment and not (stop or hold or self._machine.stop):
+            post = assessment.post
+            kinematics = post.present if self.settings.recovery else post.nominal
+            resolved = self._law.resolved(kinematics, self._asked(now))
+            hold = self._law.obstacle(resolved)
+        decision = self._machine.decide(
+            Conditions(
+                stop=stop,
+                hold=hold,
+                waiting='' if assessment else _WAITING,
+                degraded=assessment.post.verdict.reason if assessment and self.failures else '',
+                nominal='no failure',
+            )
+        )
+        if values is None or resolved is None or not decision.moves:
+            return self._result(decision, now)
+        present_values = without_lost(self.mechanism, values, self.failures)
+        return self._result(decision, now, self._law.limited(resolved, present_values))
+
+    def _hold_reason(self, now: float) -> str:
+        """Return why the mechanism must not move now though nothing is wrong with it for good."""
+        if self._paused:
+            return 'paused'
+        if self._readings.has_ceased(now):
+            return f'no usable joint state for {self.settings.joint_state_timeout:g} s'
+        if self._assessor.unclosed:
+            return self._assessor.unclosed
+        if self._assessment and self._assessment.singularity:
+            return self._assessment.singularity
+        return ''
+
+    def _idle(self, now: float) -> str:
+        """Return why nothing is asked for; empty if something is."""
+        if self._velocity.value is None:
+            return 'no task velocity yet'
+        if self._velocity.has_ceased(now):
+            return f'no task velocity for {self.settings.command_timeout:g} s'
+        return ''
+
+    def _asked(self, now: float) -> FloatArray:
+        """Return the task velocity in force; zero when there is none."""
+        velocity = self._velocity.value
+        if velocity is None or self._idle(now):
+            count = len(self.mechanism.task.coordinates)
+            return frozen_array(np.zeros(count), (count,), 'task velocity')
+        return velocity
+
+    def _pass_time(self, now: float) -> None:
+        if now < self._now:
+            self._readings.restart_clock()
+            self._velocity.restart_clock()
+            self._ledger.restart_clock(now)
+        self._now = now
+
+    def _result(
+        self, decision: Decision, now: float, limited: LimitedRate | None = None
+    ) -> Output:
+        """Return the output of a cycle; without a command, everything rests."""
+        if self._reported_at is not None and self.settings.clock is not None:
+            self._recovery_time = self.settings.clock() - self._reported_at
+            self._reported_at = None
+        command = limited.command if limited else None
+        assessment = self._assessment
+        count = len(self.mechanism.actuators)
+        return Output(
+            rates=command.rates if command else frozen_array(np.zeros(count), (count,), 'rates'),
+            state=decision.state,
+            reason=self._reason(decision, now),
+            failures=self.failures,
+            post=assessment.post if assessment else None,
+            configuration=assessment.configuration if assessment else None,
+            achieved=command.twist if command else frozen_array(np.zeros(6), (6,), 'achieved'),
+            residual=command.residual if command else self._asked(now),
+            scale=limited.scale if limited else 0.0,
+            secondary_scale=limited.secondary_scale if limited else 0.0,
+            saturation=limited.saturation if limited else (),
+            input_lost=self._readings.value is None or self._readings.has_ceased(now),
+            recovery_time=self._recovery_time,
+        )
+
+    def _reason(self, decision: Decision, now: float) -> str:
+        """Return the reason for a state, and what else there is to know."""
+        # To be asked for nothing is no fault: it rests, as healthy or degraded as it is.
+        idle = self._idle(now)
+        if decision.moves and idle:
+            return f'{decision.reason}; {idle}'
+        if self.failures and decision.state in (State.WAITING, State.HOLD):
+            return f'{decision.reason}; {failures_in_words(self.failures)}'
+        return decision.reason

@@ -1,0 +1,110 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joint states: any order, nothing missing, nothing doubled, nothing that is not a number."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fault_tolerance.control.readings import joint_readings, unusable
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.files import mechanism_from_text
+
+MECHANISM = mechanism_named('fsm_4_strut')
+NAMES = MECHANISM.joint_state_names
+POSITIONS = [0.01, -0.02, 0.03, 0.04]
+
+
+def refused(names, positions, lost=()):
+    found = joint_readings(MECHANISM, names, positions, lost)
+    assert found.values is None
+    return found.notice
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.permutations(range(6)))
+def test_neither_order_nor_other_joints_matter(order):
+    names = [*NAMES, 'elbow', 'wrist']
+    positions = [*POSITIONS, float('nan'), 7.0]
+    found = joint_readings(MECHANISM, [names[i] for i in order], [positions[i] for i in order])
+
+    assert found.notice is None
+    np.testing.assert_array_equal(found.values, POSITIONS)
+
+
+def test_readings_are_counted_from_home_in_the_joints_own_sense():
+    text = """
+        mechanism: slide
+        platform: {origin: [0, 0, 1]}
+        task: {coordinates: [vz]}
+        struts:
+          - name: strut
+            joints:
+              - {name: slide, type: prismatic, axis: [0, 0, 1], actuated: true,
+                 joint_state_name: encoder, home: 2.0, sign: -1}
+    """
+    found = joint_readings(mechanism_from_text(text), ['slide', 'encoder'], [9.0, 2.5])
+
+    np.testing.assert_array_equal(found.values, [-0.5])
+
+
+@pytest.mark.parametrize('bad', [float('nan'), float('inf'), -float('inf'), 1e7, -1e308])
+def test_what_is_not_a_sane_number_is_rejected_and_named(bad):
+    notice = refused(NAMES, [0.0, bad, 0.0, 0.0])
+
+    assert notice.reason == 'not_finite'
+    assert 'theta_2' in notice.text
+    assert 'theta_1' not in notice.text
+
+
+def test_a_missing_joint_is_rejected_and_named():
+    notice = refused(NAMES[:3], POSITIONS[:3])
+
+    assert notice.reason == 'missing_joint'
+    assert 'theta_4' in notice.text
+
+
+def test_a_doubled_joint_is_rejected_and_named():
+    notice = refused([*NAMES, 'theta_2'], [*POSITIONS, 0.0])
+
+    assert notice.reason == 'doubled_joint'
+    assert 'theta_2' in notice.text
+
+
+def test_a_doubled_joint_of_another_machine_is_not_our_business():
+    found = joint_readings(MECHANISM, [*NAMES, 'elbow', 'elbow'], [*POSITIONS, 1.0, 2.0])
+
+    np.testing.assert_array_equal(found.values, POSITIONS)
+
+
+@pytest.mark.parametrize('positions', [[], POSITIONS[:3], [*POSITIONS, 0.0]])
+def test_names_and_positions_of_different_number_are_rejected(positions):
+    assert refused(NAMES, positions).reason == 'length'
+
+
+@pytest.mark.parametrize('positions', [[], POSITIONS])
+def test_an_empty_message_is_rejected_without_a_word(positions):
+    notice = refused([], positions)
+
+    assert notice.reason == 'empty_joint_state'
+    assert notice.text == ''
+
+
+@pytest.mark.parametrize('name', ['theta_4', 'elbow'])
+@pytest.mark.parametrize('position', [float('nan'), float('inf')])
+def test_joints_of_a_lost_strut_may_be_missing_or_not_finite(name, position):
+    names, positions = [*NAMES[:3], name], [*POSITIONS[:3], position]
+    found = joint_readings(MECHANISM, names, positions, ['strut_4'])
+
+    assert found.notice is None
+    np.testing.assert_array_equal(found.values[:3], POSITIONS[:3])
+    assert not np.isfinite(found.values[3])
+    assert refused(names, positions, ['strut_3']) is not None
+
+
+def test_values_of_the_wrong_number_are_unusable():
+    assert unusable(MECHANISM, np.zeros(3), ()).reason == 'length'
+    assert unusable(MECHANISM, np.zeros((4, 1)), ()).reason == 'length'
+    assert unusable(MECHANISM, np.zeros(4), ()) is None
