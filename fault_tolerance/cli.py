@@ -6,23 +6,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Sequence
 from math import isfinite
+from pathlib import Path
 from typing import NoReturn
 
-from rich.console import Console
-
-from fault_tolerance.analysis.reports import measures_report
-from fault_tolerance.analysis.tables import measures_table, paper_rows, paper_table
-from fault_tolerance.errors import ClosureError, FaultToleranceError
-from fault_tolerance.kinematics.failures import failure_set
-from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
-from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.mechanism.configuration import solved_configuration
+from fault_tolerance import commands
+from fault_tolerance.errors import FaultToleranceError
 
 PAPER_MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')
 BAD_INPUT = 2
@@ -59,11 +51,34 @@ def _parser() -> argparse.ArgumentParser:
         prog='fault_tolerance',
         description='Fault tolerance of parallel manipulators: measures, and live recovery.',
     )
-    commands = parser.add_subparsers(required=True, metavar='COMMAND', parser_class=_Parser)
+    subparsers = parser.add_subparsers(required=True, metavar='COMMAND', parser_class=_Parser)
 
-    measures = commands.add_parser('measures', help='what a mechanism can lose, and what it costs')
-    measures.add_argument('mechanism', help='a shipped mechanism or a file')
-    measures.add_argument(
+    measures = subparsers.add_parser('measures', help='what may fail, and what it costs')
+    _add_state(measures)
+    measures.add_argument('--pairs', action='store_true', help='every pair of further failures')
+    _add_forms(measures, 'json', 'csv')
+    measures.set_defaults(run=_measures)
+
+    table = subparsers.add_parser('table', help="the paper's Table I for given mechanisms")
+    table.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
+    _add_forms(table, 'json', 'csv')
+    table.set_defaults(run=_table)
+
+    check = subparsers.add_parser('check', help='examine a mechanism (file), and draw it')
+    _add_state(check)
+    check.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
+    _add_forms(check, 'json')
+    check.set_defaults(run=_check)
+
+    demo = subparsers.add_parser('demo', help='failures and recovery live, with the ROS nodes')
+    demo.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
+    demo.set_defaults(run=_demo)
+    return parser
+
+
+def _add_state(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    parser.add_argument(
         '--at',
         action='append',
         default=[],
@@ -71,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar='NAME=VALUE',
         help='an actuator value (m or rad from home); those left out are solved, nearest home',
     )
-    measures.add_argument(
+    parser.add_argument(
         '--failed',
         action='append',
         default=[],
@@ -79,15 +94,19 @@ def _parser() -> argparse.ArgumentParser:
         metavar='MODE:NAME',
         help='a failure present: position, torque or hard, of an actuator or a strut',
     )
-    measures.add_argument('--pairs', action='store_true', help='every pair of further failures')
-    measures.add_argument('--json', action='store_true', help='for programs')
-    measures.set_defaults(run=_measures)
 
-    table = commands.add_parser('table', help="the paper's Table I for given mechanisms")
-    table.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
-    table.add_argument('--json', action='store_true', help='for programs')
-    table.set_defaults(run=_table)
-    return parser
+
+def _add_forms(parser: argparse.ArgumentParser, *forms: commands.Form) -> None:
+    group = parser.add_mutually_exclusive_group()
+    for form in forms:
+        group.add_argument(
+            f'--{form}',
+            dest='form',
+            action='store_const',
+            const=form,
+            default='text',
+            help=f'as {form.upper()}, for programs',
+        )
 
 
 def _value(text: str) -> tuple[str, float]:
@@ -109,36 +128,34 @@ def _failure(text: str) -> tuple[str, str]:
 
 
 def _measures(chosen: argparse.Namespace) -> int:
-    given = dict(chosen.at)
-    if len(given) != len(chosen.at):
-        raise FaultToleranceError('--at names an actuator twice')
-    report = measures_report(_state(chosen.mechanism, given, chosen.failed), pairs=chosen.pairs)
-    if chosen.json:
-        print(json.dumps(report, indent=2, allow_nan=False))
-    else:
-        Console().print(measures_table(report))
+    commands.measures(
+        chosen.mechanism, _values(chosen.at), chosen.failed, chosen.form, pairs=chosen.pairs
+    )
     return 0
 
 
 def _table(chosen: argparse.Namespace) -> int:
-    reports = [measures_report(_state(name, {}, [])) for name in chosen.mechanisms]
-    if chosen.json:
-        print(json.dumps(paper_rows(reports), indent=2, allow_nan=False))
-    else:
-        Console().print(paper_table(reports))
+    commands.table(chosen.mechanisms, chosen.form)
     return 0
 
 
-def _state(
-    name: str, given: dict[str, float], failed: Sequence[tuple[str, str]]
-) -> PostFailure:
-    mechanism = mechanism_named(name)
-    failures = failure_set(mechanism, failed)
+def _check(chosen: argparse.Namespace) -> int:
+    commands.check(
+        chosen.mechanism, _values(chosen.at), chosen.failed, chosen.form, chosen.draw
+    )
+    return 0
+
+
+def _values(pairs: Sequence[tuple[str, float]]) -> dict[str, float]:
+    values = dict(pairs)
+    if len(values) != len(pairs):
+        raise FaultToleranceError('--at names an actuator twice')
+    return values
+
+
+def _demo(chosen: argparse.Namespace) -> int:
     try:
-        configuration = solved_configuration(mechanism, given)
-    except ClosureError:
-        # A lost strut may have hung on to a place the others have left since.
-        if not failures.lost:
-            raise
-        configuration = solved_configuration(mechanism, given, lost=failures.lost)
-    return reconfigured(strut_rows(configuration), failures)
+        from fault_tolerance.nodes.demonstration import demonstrate
+    except ImportError as error:
+        raise FaultToleranceError(f'the demonstration needs rclpy: {error}') from None
+    return demonstrate(Path(chosen.output))

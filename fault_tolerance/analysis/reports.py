@@ -7,7 +7,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from fault_tolerance.kinematics.measures import next_failure, pair_measures, present_measures
+from fault_tolerance.kinematics.measures import (
+    NextFailure,
+    next_failure,
+    pair_measures,
+    present_measures,
+)
+from fault_tolerance.kinematics.outlook import hard_torque_equivalence
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.mechanism.arrays import FloatArray
 
@@ -58,6 +64,11 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
         'position': _by_name(actuators, ahead.position),
         'torque': _by_name(actuators, ahead.torque),
         'hard': _by_name(struts, ahead.hard),
+        'worst_next': worst_next(ahead),
+        'hard_torque_equivalence': {
+            entry.strut: entry.equivalent
+            for entry in hard_torque_equivalence(state.rows, state.failures)
+        },
     }
     if pairs:
         position, torque = pair_measures(present)
@@ -67,6 +78,14 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
                 for (first, second), value in values.items()
             }
     return report
+
+
+def worst_next(ahead: NextFailure) -> dict[str, Any] | None:
+    """Return the single failure that would hurt most, None if nothing is left to fail."""
+    if ahead.worst is None:
+        return None
+    worst = ahead.worst
+    return {'mode': worst.mode.value, 'name': worst.name, 'measure': ahead.worst_measure}
 
 
 def _by_name(names: tuple[str, ...], values: FloatArray) -> dict[str, float | None]:

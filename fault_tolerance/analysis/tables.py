@@ -13,21 +13,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+_FAILURES = {'position': ('p', 'stuck'), 'torque': ('t', 'free'), 'hard': ('h', 'lost')}
+
 
 def measures_table(report: Mapping[str, Any]) -> RenderableType:
     """Return the report of `measures_report` as text and a table, to be printed with rich."""
-    verdict = 'tolerable' if report['tolerable'] else 'NOT tolerable'
-    head = Text()
-    head.append(f'{report["mechanism"]}: ', style='bold')
-    head.append(verdict, style='green' if report['tolerable'] else 'bold red')
-    head.append(f' - {report["reason"]}')
-    task = [
-        name if name in report['major'] else f'({name})' for name in report['task']
-    ]
     lines = [
-        head,
+        headline(report),
         Text(
-            f'task {" ".join(task)}; {report["mobility"]} controlled degrees of freedom, '
+            f'task {task_in_words(report)}; {report["mobility"]} controlled degrees of freedom, '
             f'{len(report["actuators"])} actuators, {len(report["struts"])} struts'
         ),
     ]
@@ -40,11 +34,47 @@ def measures_table(report: Mapping[str, Any]) -> RenderableType:
                 f'{present["retained_manipulability"]:.4f}'
             )
         )
-    parts: list[RenderableType] = [*lines, _next_failures(report)]
+    parts: list[RenderableType] = [*lines, _next_failures(report), *_remarks(report)]
     for key, title in (('position_pairs', 'p of both'), ('torque_pairs', 't of both')):
         if key in report:
             parts.append(_pairs(report[key], title))
     return Group(*parts)
+
+
+def headline(report: Mapping[str, Any]) -> Text:
+    """Return the name, the verdict and its reason."""
+    verdict = 'tolerable' if report['tolerable'] else 'NOT tolerable'
+    head = Text()
+    head.append(f'{report["mechanism"]}: ', style='bold')
+    head.append(verdict, style='green' if report['tolerable'] else 'bold red')
+    head.append(f' - {report["reason"]}')
+    return head
+
+
+def task_in_words(report: Mapping[str, Any]) -> str:
+    """Return the task coordinates, secondary ones in brackets."""
+    return ' '.join(
+        name if name in report['major'] else f'({name})' for name in report['task']
+    )
+
+
+def worst_in_words(worst: Mapping[str, Any] | None) -> str:
+    """Return which single failure would hurt most."""
+    if worst is None:
+        return 'nothing is left to fail'
+    letter, word = _FAILURES[worst['mode']]
+    return f'worst next failure: {worst["name"]} {word}, {letter} = {worst["measure"]:.4f}'
+
+
+def _remarks(report: Mapping[str, Any]) -> list[Text]:
+    """Return what the numbers do not say."""
+    remarks = [Text(worst_in_words(report['worst_next']))]
+    same = [name for name, equal in report['hard_torque_equivalence'].items() if equal]
+    other = [name for name, equal in report['hard_torque_equivalence'].items() if not equal]
+    if same:
+        names = 'any strut' if not other else ', '.join(same)
+        remarks.append(Text(f'losing {names} is kinematically the same as freeing its drives'))
+    return remarks
 
 
 def _next_failures(report: Mapping[str, Any]) -> Table:
@@ -104,3 +134,25 @@ def _grouped(values: Mapping[str, float | None]) -> str:
     if len(groups) == 1:
         return next(iter(groups))
     return '\n'.join(f'{value} ({", ".join(names)})' for value, names in groups.items())
+
+
+def measures_records(report: Mapping[str, Any]) -> list[list[Any]]:
+    """Return the measures as records with a heading, for CSV: one failure, or pair, a line."""
+    records: list[list[Any]] = [['mode', 'name', 'and', 'measure']]
+    for mode in ('position', 'torque', 'hard'):
+        records += [[mode, name, '', value] for name, value in report[mode].items()]
+    for mode in ('position', 'torque'):
+        pairs = report.get(f'{mode}_pairs', {})
+        records += [[mode, *pair.split(','), value] for pair, value in pairs.items()]
+    return records
+
+
+def paper_records(reports: Sequence[Mapping[str, Any]]) -> list[list[Any]]:
+    """Return the content of `paper_table` as records with a heading, for CSV."""
+    records: list[list[Any]] = [['mechanism', 'mode', 'name', 'measure']]
+    for report in reports:
+        for mode in ('position', 'torque', 'hard'):
+            records += [
+                [report['mechanism'], mode, name, value] for name, value in report[mode].items()
+            ]
+    return records

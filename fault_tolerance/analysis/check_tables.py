@@ -1,0 +1,176 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The examination of a mechanism as text and tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fault_tolerance.analysis.tables import headline, task_in_words, worst_in_words
+
+_ORDINARY = 'neither under- nor over-constrained nor kinematically redundant'
+_WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'strut lost'}
+
+
+def check_table(report: Mapping[str, Any]) -> RenderableType:
+    """Return the report of `check_report` as text and tables, to be printed with rich."""
+    parts: list[RenderableType] = [headline(report), _facts(report), _actuators(report)]
+    if report['struts']:
+        parts.append(_struts(report))
+    parts.append(_outlook(report))
+    if report['conversions']:
+        parts.append(_conversions(report))
+    return Group(*parts)
+
+
+def _facts(report: Mapping[str, Any]) -> Table:
+    redundancy, constraints = report['redundancy'], report['constraints']
+    sigma, closure = report['singular_values'], report['closure']
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style='dim')
+    table.add_column()
+    table.add_row('task', f'{task_in_words(report)} (in brackets: secondary)')
+    table.add_row('mobility', _mobility(report['mobility'], redundancy['task']))
+    table.add_row('character', ', '.join(report['character']) or _ORDINARY)
+    if redundancy['kinematic'] > 0:
+        table.add_row('redundancy', _redundancy(redundancy))
+    if constraints['rows']:
+        table.add_row(
+            'structure',
+            f'{constraints["rows"]} directions barred by the struts: '
+            f'{constraints["effective"]} count, {constraints["repeated"]} repeat others, '
+            f'{constraints["absorbed"]} absorbed (compliance {report["compliance"]:g})',
+        )
+        table.add_row('', f'singular values {_numbers(sigma["structure"])}')
+    table.add_row('J_m', f'singular values {_numbers(sigma["major"])}')
+    if report['struts']:
+        table.add_row(
+            'closure',
+            f'open {closure["residual"]:.1e} m, flexure strain {closure["flexure_strain"]:.1e} m',
+        )
+    return table
+
+
+def _mobility(mobility: int, spare: int) -> str:
+    text = f'{mobility} controlled degree{"" if mobility == 1 else "s"} of freedom'
+    if spare > 0:
+        return f'{text}, {spare} more than the major task needs'
+    return text if spare == 0 else f'{text}, {-spare} too few for the major task'
+
+
+def _redundancy(redundancy: Mapping[str, Any]) -> str:
+    count = redundancy['kinematic']
+    text = f'{count} drive{"" if count == 1 else "s"} more than degrees of freedom'
+    if redundancy['struts']:
+        text += f'; can be spared singly: {", ".join(redundancy["struts"])}'
+    if redundancy['drives']:
+        text += f'; overactuated by any of {", ".join(redundancy["drives"])}'
+    return text
+
+
+def _actuators(report: Mapping[str, Any]) -> Table:
+    table = _table('actuators', 'actuator', 'strut', 'kind')
+    for heading in ('from', 'to', 'speed', 'now'):
+        table.add_column(heading, justify='right')
+    table.add_column('drive')
+    for entry in report['actuators']:
+        unit = 'rad' if entry['kind'] == 'revolute' else 'm'
+        low, high = entry['position']
+        table.add_row(
+            entry['name'],
+            entry['strut'] or '-',
+            entry['kind'],
+            _limit(low, unit),
+            _limit(high, unit),
+            _limit(entry['velocity'], f'{unit}/s'),
+            f'{entry["value"]:.6g}',
+            _drive(entry),
+        )
+    return table
+
+
+def _drive(entry: Mapping[str, Any]) -> str:
+    """Return how the drive differs from what its name says."""
+    notes = []
+    if entry['joint_state_name'] != entry['name']:
+        notes.append(f'known as {entry["joint_state_name"]}')
+    if entry['home'] != 0.0 or entry['sign'] != 1:
+        sign = '-' if entry['sign'] < 0 else '+'
+        notes.append(f'reads {entry["home"]:g} {sign} value')
+    if entry['brake']:
+        notes.append('brake')
+    return ', '.join(notes)
+
+
+def _limit(value: float | None, unit: str) -> str:
+    return 'unlimited' if value is None else f'{value:g} {unit}'
+
+
+def _struts(report: Mapping[str, Any]) -> Table:
+    lost = {failure['name'] for failure in report['failures'] if failure['mode'] == 'hard'}
+    table = _table('struts (base to platform; * driven)', 'strut', 'joints')
+    table.add_column('bars', justify='right')
+    table.add_column('losing it is as freeing its drives')
+    for entry in report['struts']:
+        name = entry['name'] + (' (release)' if entry['release'] else '')
+        verdict = 'lost already'
+        if entry['name'] not in lost:
+            equivalence = report['equivalence'][entry['name']]
+            answer = 'yes' if equivalence['equivalent'] else 'no'
+            verdict = f'{answer}: {equivalence["reason"]}'
+        table.add_row(name, entry['chain'], str(entry['bars']), verdict)
+    return table
+
+
+def _outlook(report: Mapping[str, Any]) -> Table:
+    table = _table('further failures that can be tolerated', 'failure')
+    table.add_column('any so many', justify='right')
+    table.add_column('some set of so many', justify='right')
+    for mode, entry in report['outlook'].items():
+        if mode == 'hard' and not report['struts']:
+            continue
+        least = '' if entry['complete'] else ' or more'
+        table.add_row(
+            _WORDS[mode], f'{entry["certain"]}{least}', f'{entry["possible"]}{least}'
+        )
+    table.caption = worst_in_words(report['worst_next'])
+    table.caption_justify = 'left'
+    return table
+
+
+def _conversions(report: Mapping[str, Any]) -> Table:
+    table = _table('brakes and releases', 'failure')
+    table.add_column('kept as it is', justify='right')
+    table.add_column('at best', justify='right')
+    table.add_column('by')
+    for entry in report['conversions']:
+        failure = ', '.join(f'{one["mode"]}:{one["name"]}' for one in entry['failures'])
+        if entry['best'] is None:
+            table.add_row(failure, '', '', 'too many combinations to try them all')
+            continue
+        actions = [f'{one["from"]} to {one["to"]}' for one in entry['best']['actions']]
+        table.add_row(
+            failure,
+            f'{entry["as_it_is"]["kept"]:.4f}',
+            f'{entry["best"]["kept"]:.4f}',
+            ', '.join(actions) or 'leaving it',
+        )
+    return table
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, title=Text(title), title_justify='left')
+    for column in columns:
+        table.add_column(column)
+    return table
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return ' '.join(f'{value:.4g}' for value in values) or 'none'

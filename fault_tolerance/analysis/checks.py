@@ -1,0 +1,203 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a designer wants to know about a mechanism before building on it, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from fault_tolerance.analysis.reports import worst_next
+from fault_tolerance.analysis.scene import joint_groups, joint_letter
+from fault_tolerance.errors import FailureError
+from fault_tolerance.kinematics.character import character, redundancy
+from fault_tolerance.kinematics.conversion import Conversion, best_conversion
+from fault_tolerance.kinematics.differential import differential_kinematics
+from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
+from fault_tolerance.kinematics.measures import next_failure
+from fault_tolerance.kinematics.outlook import MOST_SETS, hard_torque_equivalence, outlook
+from fault_tolerance.kinematics.reconfiguration import PostFailure
+from fault_tolerance.kinematics.rows import home_rows
+from fault_tolerance.kinematics.subspaces import rank_of, singular_values
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.configuration import Configuration
+from fault_tolerance.mechanism.description import Actuator, Strut
+
+_BREAKDOWNS = (FailureMode.POSITION, FailureMode.TORQUE, FailureMode.HARD)
+# Judging one set of failures takes longer the more actuators there are.
+_ORDINARY_COUNT = 8
+
+
+def check_report(configuration: Configuration, state: PostFailure) -> dict[str, Any]:
+    """Return the examination of a mechanism as strings, numbers, lists and None.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        Where it stands.
+    state : PostFailure
+        Its kinematics there.
+
+    Returns
+    -------
+    dict
+        The keys of ``python -m fault_tolerance check --json``: README, "Command line".
+    """
+    mechanism, verdict = configuration.mechanism, state.verdict
+    at_home = differential_kinematics(home_rows(mechanism))
+    values = configuration.actuator_values.tolist()
+    return {
+        'mechanism': mechanism.name,
+        'task': list(mechanism.task.coordinates),
+        'major': list(mechanism.task.major),
+        'characteristic_length': mechanism.characteristic_length,
+        'compliance': mechanism.compliance,
+        'actuators': [
+            _actuator(actuator, value)
+            for actuator, value in zip(mechanism.actuators, values, strict=True)
+        ],
+        'struts': _struts(state),
+        'failures': _failures(state.failures),
+        'mobility': verdict.mobility,
+        'stable': verdict.stable,
+        'tolerable': verdict.tolerable,
+        'reason': verdict.reason,
+        'character': list(character(state, at_home)),
+        'redundancy': {
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in asdict(redundancy(state)).items()
+        },
+        'closure': {
+            'residual': configuration.closure_residual,
+            'flexure_strain': configuration.flexure_strain,
+            'misfit': configuration.largest_misfit,
+        },
+        'singular_values': {
+            'major': singular_values(state.present.major).tolist(),
+            'structure': singular_values(_attached_structure(state)).tolist(),
+        },
+        'constraints': _constraints(state),
+        'equivalence': {
+            entry.strut: {'equivalent': entry.equivalent, 'reason': entry.reason}
+            for entry in hard_torque_equivalence(state.rows, state.failures)
+        },
+        'outlook': {mode.value: asdict(_outlook(state, mode)) for mode in _BREAKDOWNS},
+        'worst_next': worst_next(next_failure(state)),
+        'conversions': _conversions(state),
+    }
+
+
+def _actuator(actuator: Actuator, value: float) -> dict[str, Any]:
+    return {
+        'name': actuator.name,
+        'strut': actuator.strut or None,
+        'joint': actuator.joint or None,
+        'kind': actuator.kind,
+        'position': [_finite(limit) for limit in actuator.position],
+        'velocity': _finite(actuator.velocity),
+        'joint_state_name': actuator.joint_state_name,
+        'home': actuator.home,
+        'sign': actuator.sign,
+        'brake': actuator.brake,
+        'value': value,
+    }
+
+
+def _struts(state: PostFailure) -> list[dict[str, Any]]:
+    owners = state.rows.structure_strut
+    return [
+        {
+            'name': strut.name,
+            'chain': chain_in_letters(strut),
+            'joints': [joint.name for joint in strut.joints],
+            'actuators': [actuator.name for actuator in strut.actuators],
+            'release': strut.release,
+            'bars': int((owners == place).sum()),
+        }
+        for place, strut in enumerate(state.rows.mechanism.struts)
+    ]
+
+
+def chain_in_letters(strut: Strut) -> str:
+    """Return the joints of ``strut``, base to platform, as in ``R P* S``; * marks a drive."""
+    return ' '.join(
+        joint_letter(joints) + '*' * any(joint.actuator is not None for joint in joints)
+        for _, joints in joint_groups(strut)
+    )
+
+
+def _attached_structure(state: PostFailure) -> FloatArray:
+    """Return the structural rows (g, d) of the struts that hold the platform."""
+    names = state.rows.mechanism.strut_names
+    lost = [names.index(name) for name in state.failures.lost]
+    structure: FloatArray = state.rows.structure[~np.isin(state.rows.structure_strut, lost)]
+    return structure
+
+
+def _constraints(state: PostFailure) -> dict[str, Any]:
+    """Return how many directions the struts bar, and what becomes of those barred twice."""
+    structure = _attached_structure(state)
+    independent = rank_of(singular_values(structure))
+    weakest = state.present.weakest_kept
+    return {
+        'rows': len(structure),
+        'repeated': len(structure) - independent,
+        'absorbed': state.present.absorbed,
+        'effective': independent - state.present.absorbed,
+        'weakest': _finite(weakest),
+    }
+
+
+def _outlook(state: PostFailure, mode: FailureMode) -> Any:
+    count = max(len(state.rows.mechanism.actuators), _ORDINARY_COUNT)
+    return outlook(state, mode, MOST_SETS * _ORDINARY_COUNT // count)
+
+
+def _conversions(state: PostFailure) -> list[dict[str, Any]]:
+    """Return what brakes and releases make of the failures present, or else of each to come."""
+    mechanism, failures = state.rows.mechanism, state.failures
+    cases: Sequence[FailureSet] = [failures]
+    if not failures:
+        cases = [
+            FailureSet().and_also(mechanism, Failure(mode, name))
+            for mode in (FailureMode.POSITION, FailureMode.TORQUE)
+            for name in mechanism.actuator_names
+        ]
+    found = []
+    for case in cases:
+        entry: dict[str, Any] = {'failures': _failures(case), 'as_it_is': None, 'best': None}
+        try:
+            conversions = best_conversion(state.rows, case)
+        except FailureError:
+            # So much is broken at once that not every combination of actions can be tried.
+            found.append(entry)
+            continue
+        if len(conversions.options) > 1:
+            entry['as_it_is'] = _conversion(conversions.as_it_is)
+            entry['best'] = _conversion(conversions.best)
+            found.append(entry)
+    return found
+
+
+def _conversion(conversion: Conversion) -> dict[str, Any]:
+    return {
+        'actions': [
+            {'from': str(before), 'to': str(after)} for before, after in conversion.actions
+        ],
+        'tolerable': conversion.verdict.tolerable,
+        'kept': conversion.kept,
+    }
+
+
+def _failures(failures: FailureSet) -> list[dict[str, str]]:
+    return [{'name': failure.name, 'mode': failure.mode.value} for failure in failures.failures]
+
+
+def _finite(value: float) -> float | None:
+    """Return ``value``, or None (no limit) where it is infinite: JSON has no infinity."""
+    return float(value) if isfinite(value) else None

@@ -1,0 +1,63 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Commands to the drives, as JointGroupVelocityController takes them."""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from fault_tolerance.control.output import Output
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.messages import twist_to_msg
+
+_FAREWELL_PATIENCE = 0.5
+
+
+class CommandPublisher:
+    """Publishes the rates of all actuators, and what they will do to the platform.
+
+    Parameters
+    ----------
+    node : Node
+    mechanism : Mechanism
+    base_frame : str
+    """
+
+    def __init__(self, node: Node, mechanism: Mechanism, base_frame: str) -> None:
+        self._clock = node.get_clock()
+        self._mechanism = mechanism
+        self._base_frame = base_frame
+        count = len(mechanism.actuators)
+        # One message, written into through numpy: the command waits for nothing it need not.
+        self._message = Float64MultiArray(data=array('d', [0.0] * count))
+        self._rates = np.frombuffer(self._message.data)
+        self._commands = node.create_publisher(
+            Float64MultiArray, 'velocity_controller/commands', 10
+        )
+        self._achieved = node.create_publisher(TwistStamped, '~/achieved_velocity', 10)
+
+    def send(self, output: Output) -> None:
+        """Publish the command, in the units and signs of the drives."""
+        self._rates[:] = self._mechanism.rates_from_readings(output.rates)
+        self._commands.publish(self._message)
+        if self._achieved.get_subscription_count():
+            stamp = self._clock.now().to_msg()
+            self._achieved.publish(twist_to_msg(stamp, self._base_frame, output.achieved))
+
+    def differs_from(self, output: Output) -> bool:
+        """Return whether the command of ``output`` is not the one sent last."""
+        rates = self._mechanism.rates_from_readings(output.rates)
+        return not np.array_equal(rates, self._rates)
+
+    def rest(self) -> None:
+        """Publish zeros, and wait until they have arrived."""
+        self._rates[:] = 0.0
+        self._commands.publish(self._message)
+        self._commands.wait_for_all_acked(Duration(seconds=_FAREWELL_PATIENCE))

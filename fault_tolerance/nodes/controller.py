@@ -1,0 +1,199 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node ``fault_tolerance``: joint states, task velocity and failure reports in, rates out.
+
+A command follows every joint state, and every failure report that changes anything, inside the
+callback that received it; no timer is in the path. All computation is the `Supervisor`'s.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TwistStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from fault_tolerance.control.output import Output
+from fault_tolerance.control.recovery import State
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.commanding import CommandPublisher
+from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
+from fault_tolerance.nodes.inputs import InputReader
+from fault_tolerance.nodes.parameter_tables import CONTROLLER
+from fault_tolerance.nodes.parameters import declared_values, settings_from
+from fault_tolerance.nodes.publishing import MetricsPublisher
+from fault_tolerance.nodes.report_reader import ReportReader
+from fault_tolerance.nodes.spinning import run
+from fault_tolerance.nodes.timeline import TimeLine
+
+NAME = 'fault_tolerance'
+WATCHDOG_PERIOD = 0.01
+"""Seconds; what does not arrive is noticed this much after its timeout at the latest."""
+
+METRICS_PERIOD = 0.2
+STALL = 0.2
+"""Seconds between two watchdog periods that count as a stall."""
+
+_NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
+
+
+class Controller(Node):
+    """The shell around a `Supervisor`."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME)
+        values = declared_values(self, CONTROLLER, _settings)
+        mechanism = mechanism_named(values['mechanism'])
+        self._supervisor = Supervisor(mechanism, _settings(values))
+        self._announced: tuple[object, ...] = ()
+        self._report_stamp = ''
+        self._stepped = False
+        self._line = TimeLine(self.get_clock())
+        self._ticked = self._line.now()
+
+        prefix = values['hardware_id_prefix'].strip('/') or self.get_namespace().strip('/')
+        identity = f'{prefix}/{NAME}' if prefix else NAME
+        self._health = Health(self, self._line, 'controller', identity, self._present)
+        self._inputs = InputReader(mechanism, values['base_frame'], self._line, self._health)
+        self._reader = ReportReader(mechanism, prefix, self._line, self._health)
+        self._commands = CommandPublisher(self, mechanism, values['base_frame'])
+        self._metrics = MetricsPublisher(self, mechanism, prefix)
+        self._joint_states = self.create_subscription(
+            JointState, 'joint_states', self._on_joint_state, _NEWEST_ONLY
+        )
+        self._velocities = self.create_subscription(
+            TwistStamped, '~/task_velocity', self._on_task_velocity, 10
+        )
+        self.create_subscription(
+            DiagnosticArray, values['diagnostics_topic'], self._on_diagnostics, 100, raw=True
+        )
+        self.create_service(Trigger, '~/clear_failures', self._on_clear)
+        self.create_service(SetBool, '~/pause', self._on_pause)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
+        self.create_timer(METRICS_PERIOD, self._publish_metrics, clock=steady)
+        self._announce(self._supervisor.output)
+
+    def farewell(self) -> None:
+        """Bring the drives to rest."""
+        self._commands.rest()
+
+    def _on_joint_state(self, message: JointState) -> None:
+        taken = self._inputs.joint_values(message, self._supervisor.failures.lost)
+        if taken is not None:
+            notice = self._supervisor.joint_reading(taken.values, self._line.now(), taken.stamp)
+            if notice is None:
+                self._cycle()
+            else:
+                self._health.remark(notice)
+
+    def _on_task_velocity(self, message: TwistStamped) -> None:
+        taken = self._inputs.task_velocity(message)
+        if taken is not None:
+            notice = self._supervisor.task_velocity(taken.values, self._line.now(), taken.stamp)
+            if notice is not None:
+                self._health.remark(notice)
+
+    def _on_diagnostics(self, raw: bytes) -> None:
+        self._reader.put(raw)
+        self._read_reports()
+
+    def _read_reports(self) -> None:
+        changed = False
+        for batch in self._reader.batches():
+            update = self._supervisor.reports(batch.reports, self._line.now())
+            for notice in update.notices:
+                self._health.remark(notice)
+            if update.changed:
+                changed, self._report_stamp = True, batch.stamp
+            if update.changed or any(not notice.rejected for notice in update.notices):
+                self._reader.forget_repeats()
+        if changed:
+            self._cycle()
+
+    def _on_watchdog(self) -> None:
+        now = self._line.now()
+        if now - self._ticked > STALL:
+            self._health.count('stalls')
+        self._ticked = now
+        self._reader.renew()
+        self._read_reports()
+        # With joint states coming there is nothing to do; without, the state may change.
+        if not self._stepped:
+            output = self._supervisor.step(now)
+            if self._commands.differs_from(output):
+                self._commands.send(output)
+            self._announce(output)
+        self._stepped = False
+
+    def _cycle(self) -> None:
+        """Compute and send a command, then tell what has changed."""
+        output = self._supervisor.step(self._line.now())
+        self._commands.send(output)
+        self._stepped = True
+        self._announce(output)
+
+    def _announce(self, output: Output) -> None:
+        """Publish state and metrics if they have changed."""
+        if (output.state, output.failures) == self._announced:
+            return
+        if output.state not in self._announced:
+            self._metrics.publish_state(output.state.value)
+        self._announced = (output.state, output.failures)
+        self.get_logger().info(f'{output.state.value}: {output.reason}')
+        self._publish_metrics()
+
+    def _publish_metrics(self) -> None:
+        stamp = self.get_clock().now().to_msg()
+        self._metrics.publish(stamp, self._supervisor.metrics(), self._report_stamp)
+
+    def _present(self) -> tuple[int, str]:
+        """Return level and text of the node's own status."""
+        state = self._supervisor.output.state
+        if self.count_publishers(self._velocities.topic_name) > 1:
+            text = 'several nodes publish task velocities: the last one wins'
+            self._health.warn_once('several_commanders', text)
+        if state is not State.WAITING:
+            return _LEVELS.get(state, WARN), state.value
+        topic = self._joint_states.topic_name
+        count = self.count_publishers(topic)
+        text = f'no joint state yet on {topic} ({count} publishers; any reliability will do)'
+        self._health.warn_once('waiting', text)
+        return WARN, text
+
+    def _on_clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._reader.forget_repeats()
+        outcome = self._supervisor.clear(self._line.now())
+        self._cycle()
+        response.success, response.message = outcome.success, outcome.message
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._supervisor.pause(request.data, self._line.now())
+        self._cycle()
+        response.success, response.message = True, self._supervisor.output.state.value
+        return response
+
+
+def _settings(values: dict[str, Any]) -> Settings:
+    return Settings(**settings_from(Settings, values), clock=time.perf_counter)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; return the exit code."""
+    return run(NAME, Controller, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,120 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The node ``fsm``: a simulated fast steering mirror with its drives, which can be broken."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
+
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.errors import ArrayError
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.health import OK, Health
+from fault_tolerance.nodes.injection import FAULTS, FaultInjection
+from fault_tolerance.nodes.markers import markers_of
+from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
+from fault_tolerance.nodes.parameter_tables import SIMULATOR
+from fault_tolerance.nodes.parameters import declared_values, settings_from
+from fault_tolerance.nodes.spinning import run
+from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.simulation.plant import LONGEST_STEP, ElasticPlant
+from fault_tolerance.simulation.settings import PlantSettings
+
+NAME = 'fsm'
+MARKER_PERIOD = 0.1
+
+
+class FsmSimulator(Node):
+    """The shell around an `ElasticPlant`."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME)
+        values = declared_values(self, SIMULATOR, _settings, (FAULTS,))
+        mechanism = mechanism_named(values['mechanism'])
+        self._mechanism = mechanism
+        self._plant = ElasticPlant(mechanism, _settings(values), values['seed'])
+        self._frame = values['base_frame']
+        self._period = 1.0 / values['rate']
+        namespace = self.get_namespace().strip('/')
+        identity = f'{namespace}/{NAME}' if namespace else NAME
+        line = TimeLine(self.get_clock())
+        self._health = Health(self, line, 'simulator', identity, lambda: (OK, 'running'))
+
+        self._joint_states = self.create_publisher(
+            JointState, 'joint_states', qos_profile_sensor_data
+        )
+        self._poses = self.create_publisher(PoseStamped, '~/mirror_pose', qos_profile_sensor_data)
+        self._twists = self.create_publisher(
+            TwistStamped, '~/mirror_velocity', qos_profile_sensor_data
+        )
+        self._markers = self.create_publisher(MarkerArray, '~/markers', 1)
+        self._injection = FaultInjection(
+            self, self._plant, self._health, values['enable_fault_injection']
+        )
+        self.create_subscription(
+            Float64MultiArray, 'velocity_controller/commands', self._on_command, 10
+        )
+        self._last = self.get_clock().now()
+        self.create_timer(self._period, self._advance)
+        self.create_timer(MARKER_PERIOD, self._publish_markers)
+
+    def _on_command(self, message: Float64MultiArray) -> None:
+        rates = np.array(message.data)
+        count = len(self._mechanism.actuators)
+        if len(rates) != count:
+            text = f'command with {len(rates)} rates for {count} actuators: ignored'
+            self._health.remark(Notice('length', text))
+            return
+        try:
+            self._plant.command(self._mechanism.rates_from_readings(rates))
+        except ArrayError as error:
+            self._health.remark(Notice('not_finite', f'{error}: ignored'))
+
+    def _advance(self) -> None:
+        """Let the time pass that has passed, and publish what there is to see."""
+        now = self.get_clock().now()
+        dt = (now - self._last).nanoseconds * 1e-9
+        self._last = now
+        if dt > 2.0 * self._period:
+            self._health.count('late_cycles')
+        state = self._plant.step(min(max(dt, 0.0), LONGEST_STEP))
+        stamp, mechanism = now.to_msg(), self._mechanism
+        self._joint_states.publish(
+            joint_state_to_msg(
+                stamp,
+                mechanism.joint_state_names,
+                mechanism.readings_from_values(state.measured_values),
+                mechanism.rates_from_readings(state.rates),
+                mechanism.rates_from_readings(state.efforts),
+            )
+        )
+        self._poses.publish(pose_to_msg(stamp, self._frame, state.pose))
+        self._twists.publish(twist_to_msg(stamp, self._frame, state.twist))
+
+    def _publish_markers(self) -> None:
+        if self._markers.get_subscription_count():
+            stamp = self.get_clock().now().to_msg()
+            self._markers.publish(markers_of(stamp, self._frame, self._plant))
+
+
+def _settings(values: dict[str, Any]) -> PlantSettings:
+    return PlantSettings(**settings_from(PlantSettings, values))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; return the exit code."""
+    return run(NAME, FsmSimulator, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

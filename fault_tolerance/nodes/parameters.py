@@ -1,0 +1,187 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of nodes as data: declared, checked and described from one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter as NodeParameter
+
+from fault_tolerance.errors import FaultToleranceError
+
+Value = bool | int | float | str | tuple[float, ...]
+Check = Callable[[dict[str, Any]], object]
+"""Called with values to be; raises `FaultToleranceError` or ValueError if they do not fit."""
+
+# Declared by rclpy itself, or on demand.
+_ELSEWHERE = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+
+
+class ParameterError(FaultToleranceError, ValueError):
+    """A parameter has a value that cannot be used.
+
+    Attributes
+    ----------
+    name : str
+    reason : str
+    """
+
+    def __init__(self, name: str, reason: str) -> None:
+        super().__init__(f'parameter {name}: {reason}')
+        self.name = name
+        self.reason = reason
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node.
+
+    Attributes
+    ----------
+    name : str
+    default : bool, int, float, str or tuple of float
+        Gives the type as well.
+    description : str
+    unit : str
+    bounds : tuple of two numbers, optional
+        Lowest and highest value of a number, or of each number in a tuple.
+    choices : tuple of str
+        Allowed words; empty: any.
+    read_only : bool
+        Whether it is fixed once the node runs.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ''
+    bounds: tuple[float, float] | None = None
+    choices: tuple[str, ...] = ()
+    read_only: bool = True
+
+    @property
+    def descriptor(self) -> ParameterDescriptor:
+        """What ``ros2 param describe`` shows."""
+        unit = f' [{self.unit}]' if self.unit else ''
+        descriptor = ParameterDescriptor(
+            description=f'{self.description}{unit}',
+            additional_constraints=f'one of: {", ".join(self.choices)}' if self.choices else '',
+            read_only=self.read_only,
+        )
+        if self.bounds and isinstance(self.default, float):
+            low, high = (float(bound) for bound in self.bounds)
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        elif self.bounds and isinstance(self.default, int):
+            low, high = (int(bound) for bound in self.bounds)
+            descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+        return descriptor
+
+    def checked(self, value: object) -> Value:
+        """Return a value as the type it is to have; `ParameterError` if it does not fit."""
+        if isinstance(self.default, tuple):
+            return self._checked_numbers(value)
+        if type(value) is not type(self.default):
+            hint = ' (write 1.0 for 1)' if isinstance(self.default, float) else ''
+            self._refuse(f'{value!r} is not of type {type(self.default).__name__}{hint}')
+        if self.choices and value not in self.choices:
+            self._refuse(f'{value!r} is not one of {", ".join(self.choices)}')
+        if isinstance(value, (int, float)):
+            self._check_bounds(value)
+        return value  # type: ignore[return-value]
+
+    def _checked_numbers(self, value: object) -> tuple[float, ...]:
+        numbers = tuple(value) if isinstance(value, Iterable) else ()
+        if not numbers or any(type(number) is not float for number in numbers):
+            self._refuse(f'{value!r} is not a list of floating point numbers')
+        if len(numbers) != len(self.default):  # type: ignore[arg-type]
+            self._refuse(f'has {len(numbers)} numbers, not {len(self.default)}')  # type: ignore[arg-type]
+        for number in numbers:
+            self._check_bounds(number)
+        return numbers
+
+    def _check_bounds(self, number: float) -> None:
+        if not isfinite(number):
+            self._refuse(f'{number} is not finite')
+        if self.bounds and not self.bounds[0] <= number <= self.bounds[1]:
+            self._refuse(f'{number} is not between {self.bounds[0]} and {self.bounds[1]}')
+
+    def _refuse(self, reason: str) -> None:
+        raise ParameterError(self.name, reason)
+
+
+def given_values(node: Node) -> dict[str, Any]:
+    """Return the values that the command line and parameter files give, unchecked."""
+    # rclpy tells the values of declared parameters only, and complains in other words than ours.
+    overrides = getattr(node, '_parameter_overrides', {})
+    return {name: parameter.value for name, parameter in overrides.items()}
+
+
+def declared_values(
+    node: Node,
+    table: Sequence[Parameter],
+    check: Check | None = None,
+    elsewhere: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """Declare the parameters of ``table``; return their values, as checked.
+
+    Parameters
+    ----------
+    node : Node
+    table : sequence of Parameter
+    check : callable, optional
+        Checks them together, now and whenever one is to be set.
+    elsewhere : tuple of str
+        Beginnings of names that are declared elsewhere.
+
+    Raises
+    ------
+    ParameterError, rclpy.exceptions.ParameterException
+        For a value that does not fit; names the parameter.
+    """
+    known = {entry.name: entry for entry in table}
+    for name, value in given_values(node).items():
+        if name in known:
+            known[name].checked(value)
+        elif not name.startswith((*_ELSEWHERE, *elsewhere)):
+            # A file for all nodes may hold parameters of others, so this is no error.
+            node.get_logger().warning(f'unknown parameter {name}: ignored')
+    values = {
+        entry.name: entry.checked(
+            node.declare_parameter(entry.name, entry.default, entry.descriptor).value
+        )
+        for entry in table
+    }
+    if check is not None:
+        check(values)
+
+    def on_set(parameters: list[NodeParameter]) -> SetParametersResult:
+        mine = [one for one in parameters if one.name in known]
+        wanted = {name: node.get_parameter(name).value for name in known}
+        try:
+            wanted |= {one.name: known[one.name].checked(one.value) for one in mine}
+            if mine and check is not None:
+                check(wanted)
+        except (FaultToleranceError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(on_set)
+    return values
+
+
+def settings_from(kind: type, values: dict[str, Any]) -> dict[str, Any]:
+    """Return those of ``values`` that are attributes of the dataclass ``kind``."""
+    names = kind.__dataclass_fields__  # type: ignore[attr-defined]
+    return {name: value for name, value in values.items() if name in names}

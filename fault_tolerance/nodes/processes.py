@@ -1,0 +1,71 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The three nodes as processes, started together and ended together."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from types import TracebackType
+
+from fault_tolerance.errors import FaultToleranceError
+
+# A node leaves within 2 s of SIGINT; what has not by then is in trouble.
+_PATIENCE = 5.0
+
+
+class NodeProcesses:
+    """The controller, the simulator and the pointing reference, each a process of its own.
+
+    Parameters
+    ----------
+    parameters : mapping of str to mapping
+        Parameters by the node's module name (``controller``, ``fsm_simulator``,
+        ``pointing_reference``).
+    """
+
+    def __init__(self, parameters: Mapping[str, Mapping[str, object]]) -> None:
+        self._parameters = parameters
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> NodeProcesses:
+        """Start them."""
+        for module, values in self._parameters.items():
+            command = [sys.executable, '-m', f'fault_tolerance.nodes.{module}', '--ros-args']
+            command += ['--log-level', 'error']
+            for name, value in values.items():
+                text = str(value).lower() if isinstance(value, bool) else str(value)
+                command += ['-p', f'{name}:={text}']
+            # A group of its own: Ctrl-C in the terminal reaches only the one who cleans up.
+            self._processes[module] = subprocess.Popen(
+                command, env=dict(os.environ), start_new_session=True
+            )
+        return self
+
+    def check(self) -> None:
+        """Raise `FaultToleranceError` if one of them has ended."""
+        for module, process in self._processes.items():
+            if process.poll() is not None:
+                raise FaultToleranceError(f'{module} ended with exit code {process.returncode}')
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End them, the last one started first."""
+        running = list(reversed(self._processes.values()))
+        for process in running:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in running:
+            try:
+                process.wait(_PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

@@ -1,0 +1,94 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From serialised diagnostics to the failure reports in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
+
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.control.reports import Report, report_of
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.inbox import ReportInbox
+from fault_tolerance.nodes.messages import statuses_from_msg
+from fault_tolerance.nodes.timeline import TimeLine
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The failure reports of one message, and the stamp it bore, as text."""
+
+    reports: tuple[Report, ...]
+    stamp: str
+
+
+class ReportReader:
+    """Reads failure reports on one mechanism from the diagnostics of everybody.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    prefix : str
+        Of the hardware ids meant for it; empty: any.
+    line : TimeLine
+    health : Health
+        Is told what could not be read.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, prefix: str, line: TimeLine, health: Health
+    ) -> None:
+        self._names = frozenset((*mechanism.actuator_names, *mechanism.strut_names))
+        self._prefix = prefix
+        self._line = line
+        self._health = health
+        self._inbox = ReportInbox()
+
+    def put(self, raw: bytes) -> None:
+        """Take a serialised message."""
+        dropped = self._inbox.dropped
+        self._inbox.put(raw, self._line.now())
+        if self._inbox.dropped > dropped:
+            text = 'more diagnostics with failure reports than can be read: some are left aside'
+            self._health.remark(Notice('flood', text))
+
+    def renew(self) -> None:
+        """Allow some more messages to be read."""
+        self._inbox.renew()
+
+    def forget_repeats(self) -> None:
+        """Read the next message even if it is a repeat: something has changed."""
+        self._inbox.forget()
+
+    def batches(self) -> Iterator[Batch]:
+        """Yield the reports of the messages whose turn it is."""
+        while (raw := self._inbox.next()) is not None:
+            try:
+                message = deserialize_message(raw, DiagnosticArray)
+            except Exception as error:  # the middleware's own, for bytes that are no such message
+                text = f'diagnostics that cannot be decoded: {error}'
+                self._health.remark(Notice('undecodable', text))
+                continue
+            batch = self._batch(message)
+            if batch.reports:
+                yield batch
+
+    def _batch(self, message: DiagnosticArray) -> Batch:
+        stamp = message.header.stamp
+        placed = self._line.placed(stamp)
+        found = (
+            report_of(
+                status.name, status.hardware_id, status.level, mode, placed,
+                prefix=self._prefix, names=self._names,
+            )
+            for status in statuses_from_msg(message)
+            for mode in status.modes
+        )
+        reports = tuple(report for report in found if report is not None)
+        return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')

@@ -1,0 +1,48 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One time line for everything: monotonic seconds, on which the stamps of messages are placed.
+
+Timeouts must not depend on a wall clock that somebody sets, nor on a simulated one that is paused.
+"""
+
+from __future__ import annotations
+
+import time
+
+from builtin_interfaces.msg import Time
+from rclpy.clock import Clock
+
+from fault_tolerance.nodes.messages import nanoseconds_from_msg
+
+# Reading two clocks one after the other is not exact; smaller differences are no news.
+_JITTER = 1_000_000
+
+
+class TimeLine:
+    """Monotonic seconds.
+
+    Parameters
+    ----------
+    clock : Clock
+        The one that stamps are read from.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._offset = 0
+
+    @staticmethod
+    def now() -> float:
+        """Return the present."""
+        return time.monotonic()
+
+    def placed(self, stamp: Time) -> float | None:
+        """Return where a stamp lies, or None for zero, which says nothing."""
+        nanoseconds = nanoseconds_from_msg(stamp)
+        if nanoseconds == 0:
+            return None
+        offset = self._clock.now().nanoseconds - time.monotonic_ns()
+        if abs(offset - self._offset) > _JITTER:
+            self._offset = offset
+        return (nanoseconds - self._offset) * 1e-9

@@ -1,0 +1,83 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Build script for colcon and for pip; names and version come from package.xml."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+HERE = Path(__file__).resolve().parent
+MANIFEST = ElementTree.parse(HERE / 'package.xml').getroot()
+NAME = MANIFEST.findtext('name')
+SHARE = Path('share') / NAME
+
+
+def shared_files(folder):
+    """Return the `data_files` entries that put a folder of the checkout under share/NAME."""
+    files_of = {}
+    for file in sorted((HERE / folder).rglob('*')):
+        if file.is_file() and '__pycache__' not in file.parts:
+            relative = file.relative_to(HERE)
+            files_of.setdefault(str(SHARE / relative.parent), []).append(str(relative))
+    return list(files_of.items())
+
+
+setup(
+    name=NAME,
+    version=MANIFEST.findtext('version'),
+    description=MANIFEST.findtext('description'),
+    maintainer=MANIFEST.findtext('maintainer'),
+    maintainer_email=MANIFEST.find('maintainer').get('email'),
+    license=MANIFEST.findtext('license'),
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (str(SHARE), ['package.xml']),
+        *shared_files('config'),
+        *shared_files('launch'),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'numpy>=1.26',
+        'PyYAML',
+        'rich',
+        'scipy>=1.11',
+    ],
+    extras_require={
+        # rclpy and its middleware as wheels, for a machine without an apt installation of ROS 2.
+        'ros': [
+            'ros-rclpy[fastrtps]==7.1.6',
+            'ros-common-interfaces==5.3.6',
+        ],
+        'plot': ['matplotlib'],
+        # colcon looks for pytest under this name to decide that it can test the package.
+        'test': [
+            'pytest>=7.4',
+            'hypothesis',
+            'colcon-bash',
+            'colcon-core',
+            'colcon-library-path',
+            'colcon-ros',
+            'colcon-test-result',
+            'setuptools',
+            'wheel',
+        ],
+        'dev': [
+            'mypy',
+            'ruff',
+            'scipy-stubs; python_version >= "3.11"',
+            'types-PyYAML',
+        ],
+    },
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'controller = fault_tolerance.nodes.controller:main',
+            'fsm_simulator = fault_tolerance.nodes.fsm_simulator:main',
+            'pointing_reference = fault_tolerance.nodes.pointing_reference:main',
+            'fault_tolerance = fault_tolerance.cli:main',
+        ],
+    },
+)
