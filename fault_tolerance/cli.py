@@ -18,6 +18,7 @@ from fault_tolerance.errors import FaultToleranceError
 
 PAPER_MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')
 BAD_INPUT = 2
+INTERRUPTED = 130
 
 
 class _Parser(argparse.ArgumentParser):
@@ -30,20 +31,37 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code (0, or 2 for bad input)."""
+    """Run the command line; return the exit code: 0, 2 for bad input, 130 if interrupted."""
     parser = _parser()
     chosen = parser.parse_args(arguments)
     try:
         code: int = chosen.run(chosen)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except FaultToleranceError as error:
-        print(f'{parser.prog}: {" ".join(str(error).split())}', file=sys.stderr)
-        return BAD_INPUT
+        return _complaint(parser.prog, str(error))
     except BrokenPipeError:
-        # The reader (head, for example) has gone; nothing is left to say, not even at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # The reader (head, for example) has gone; nothing is left to say.
+        _drop_output()
         return 0
+    except OSError as error:
+        _drop_output()
+        return _complaint(parser.prog, f'cannot write: {error.strerror or error}')
+    except UnicodeEncodeError as error:
+        return _complaint(parser.prog, f'cannot write in this encoding: {error}')
+    except KeyboardInterrupt:
+        return INTERRUPTED
     return code
+
+
+def _complaint(program: str, reason: str) -> int:
+    print(f'{program}: {" ".join(reason.split())}', file=sys.stderr)
+    return BAD_INPUT
+
+
+def _drop_output() -> None:
+    """Let what is still buffered go nowhere, or Python complains about it at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
 from collections.abc import Iterable, Mapping, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 
@@ -113,7 +113,12 @@ def _examined(
 
 
 def _print_text(content: RenderableType) -> None:
-    Console().print(content)
+    # Names are written as they are, even if they look like rich's markup.
+    console = Console(markup=False, emoji=False, highlight=False)
+    # rich ends the whole program itself when the reader has gone.
+    with console.capture() as text:
+        console.print(content)
+    print(text.get(), end='')
 
 
 def _print_json(content: object) -> None:
@@ -121,4 +126,6 @@ def _print_json(content: object) -> None:
 
 
 def _print_csv(records: Iterable[Sequence[Any]]) -> None:
-    csv.writer(sys.stdout, lineterminator='\n').writerows(records)
+    text = StringIO()
+    csv.writer(text, lineterminator='\n').writerows(records)
+    print(text.getvalue(), end='')

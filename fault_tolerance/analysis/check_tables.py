@@ -21,12 +21,12 @@ _WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'strut lost'}
 
 def check_table(report: Mapping[str, Any]) -> RenderableType:
     """Return the report of `check_report` as text and tables, to be printed with rich."""
-    parts: list[RenderableType] = [headline(report), _facts(report), _actuators(report)]
+    parts: list[RenderableType] = [headline(report), _facts(report), Text(), _actuators(report)]
     if report['struts']:
-        parts.append(_struts(report))
-    parts.append(_outlook(report))
+        parts += [Text(), _struts(report)]
+    parts += [Text(), _outlook(report)]
     if report['conversions']:
-        parts.append(_conversions(report))
+        parts += [Text(), _conversions(report)]
     return Group(*parts)
 
 
@@ -76,41 +76,45 @@ def _redundancy(redundancy: Mapping[str, Any]) -> str:
 
 
 def _actuators(report: Mapping[str, Any]) -> Table:
-    table = _table('actuators', 'actuator', 'strut', 'kind')
-    for heading in ('from', 'to', 'speed', 'now'):
+    table = _table('actuators', 'actuator', 'strut')
+    for heading in ('range', 'speed', 'now'):
         table.add_column(heading, justify='right')
-    table.add_column('drive')
+    notes = []
     for entry in report['actuators']:
         unit = 'rad' if entry['kind'] == 'revolute' else 'm'
-        low, high = entry['position']
+        speed = 'any' if entry['velocity'] is None else f'{entry["velocity"]:g} {unit}/s'
         table.add_row(
             entry['name'],
             entry['strut'] or '-',
-            entry['kind'],
-            _limit(low, unit),
-            _limit(high, unit),
-            _limit(entry['velocity'], f'{unit}/s'),
-            f'{entry["value"]:.6g}',
-            _drive(entry),
+            _range(entry['position'], unit),
+            speed,
+            f'{entry["value"]:.6g} {unit}',
         )
+        notes += [f'{entry["name"]} {note}' for note in _drive(entry)]
+    if notes:
+        table.caption = '\n'.join(notes)
+        table.caption_justify = 'left'
     return table
 
 
-def _drive(entry: Mapping[str, Any]) -> str:
+def _range(limits: Sequence[float | None], unit: str) -> str:
+    low, high = limits
+    if low is None and high is None:
+        return 'any'
+    ends = ['-inf' if low is None else f'{low:g}', 'inf' if high is None else f'{high:g}']
+    return f'{" to ".join(ends)} {unit}'
+
+
+def _drive(entry: Mapping[str, Any]) -> list[str]:
     """Return how the drive differs from what its name says."""
     notes = []
     if entry['joint_state_name'] != entry['name']:
-        notes.append(f'known as {entry["joint_state_name"]}')
+        notes.append(f'is {entry["joint_state_name"]} in joint states')
     if entry['home'] != 0.0 or entry['sign'] != 1:
-        sign = '-' if entry['sign'] < 0 else '+'
-        notes.append(f'reads {entry["home"]:g} {sign} value')
+        notes.append(f'reads {entry["home"]:g} {"-" if entry["sign"] < 0 else "+"} value')
     if entry['brake']:
-        notes.append('brake')
-    return ', '.join(notes)
-
-
-def _limit(value: float | None, unit: str) -> str:
-    return 'unlimited' if value is None else f'{value:g} {unit}'
+        notes.append('has a brake')
+    return notes
 
 
 def _struts(report: Mapping[str, Any]) -> Table:
@@ -166,11 +170,14 @@ def _conversions(report: Mapping[str, Any]) -> Table:
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=Text(title), title_justify='left')
+    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify='left')
     for column in columns:
         table.add_column(column)
     return table
 
 
 def _numbers(values: Sequence[float]) -> str:
-    return ' '.join(f'{value:.4g}' for value in values) or 'none'
+    largest = max(values, default=0.0)
+    # Rounding error is nothing to read.
+    shown = [value if value > 1e-12 * largest else 0.0 for value in values]
+    return ' '.join(f'{value:.4g}' for value in shown) or 'none'

@@ -20,7 +20,7 @@ from fault_tolerance.kinematics.conversion import Conversion, best_conversion
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.kinematics.measures import next_failure
-from fault_tolerance.kinematics.outlook import MOST_SETS, hard_torque_equivalence, outlook
+from fault_tolerance.kinematics.outlook import hard_torque_equivalence, outlook
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.kinematics.subspaces import rank_of, singular_values
@@ -29,8 +29,9 @@ from fault_tolerance.mechanism.configuration import Configuration
 from fault_tolerance.mechanism.description import Actuator, Strut
 
 _BREAKDOWNS = (FailureMode.POSITION, FailureMode.TORQUE, FailureMode.HARD)
-# Judging one set of failures takes longer the more actuators there are.
-_ORDINARY_COUNT = 8
+# Sets of failures tried of a mechanism with up to so many actuators; with more of them one set
+# takes longer, and fewer are tried.
+_MOST_SETS, _ORDINARY_COUNT = 4000, 8
 
 
 def check_report(configuration: Configuration, state: PostFailure) -> dict[str, Any]:
@@ -46,7 +47,7 @@ def check_report(configuration: Configuration, state: PostFailure) -> dict[str, 
     Returns
     -------
     dict
-        The keys of ``python -m fault_tolerance check --json``: README, "Command line".
+        The keys of ``python -m fault_tolerance check --json``: docs/command_line.md.
     """
     mechanism, verdict = configuration.mechanism, state.verdict
     at_home = differential_kinematics(home_rows(mechanism))
@@ -155,7 +156,7 @@ def _constraints(state: PostFailure) -> dict[str, Any]:
 
 def _outlook(state: PostFailure, mode: FailureMode) -> Any:
     count = max(len(state.rows.mechanism.actuators), _ORDINARY_COUNT)
-    return outlook(state, mode, MOST_SETS * _ORDINARY_COUNT // count)
+    return outlook(state, mode, _MOST_SETS * _ORDINARY_COUNT // count)
 
 
 def _conversions(state: PostFailure) -> list[dict[str, Any]]:

@@ -36,6 +36,7 @@ from fault_tolerance.mechanism.configuration import Configuration
 
 _AZIMUTH, _ELEVATION = radians(-62.0), radians(24.0)
 _HEIGHT, _WIDTH, _LEAST_WIDTH = 7.0, 9.0, 8.4  # inches
+_TITLE, _LEGEND = 0.5, 0.5
 _PLAN_WIDTH = (2.4, 4.2)
 
 
@@ -49,12 +50,12 @@ def mechanism_figure(configuration: Configuration, failures: FailureSet | None =
     views = [_view_at_an_angle(), View(np.eye(3))]
     if scene.normal is not None:
         views = [_view_along(scene.normal)]
-    figure = Figure(layout='constrained')
+    figure = Figure()
     FigureCanvasAgg(figure)
     charts = figure.subplots(1, len(views), squeeze=False)[0]
     figure.suptitle(_title(scene, failures), fontsize=12)
     figure.legend(
-        handles=_legend(scene, failures), loc='outside lower center', ncols=6, frameon=False,
+        handles=_legend(scene, failures), loc='lower center', ncols=6, frameon=False,
         fontsize=8.5,
     )
     papers = [Paper(axes, view) for axes, view in zip(charts, views, strict=True)]
@@ -76,8 +77,16 @@ def _fit(figure: Figure, papers: list[Paper]) -> None:
     height = min(_HEIGHT, _WIDTH * shapes[0][1] / shapes[0][0])
     widths = [height * shape[0] / shape[1] for shape in shapes]
     widths = [widths[0], *(float(np.clip(width, *_PLAN_WIDTH)) for width in widths[1:])]
-    figure.set_size_inches(max(sum(widths), _LEAST_WIDTH), height + 0.8)
+    whole = height + _TITLE + _LEGEND
+    figure.set_size_inches(max(sum(widths), _LEAST_WIDTH), whole)
     papers[0].grid.set_width_ratios(widths)
+    figure.subplots_adjust(
+        left=0.01,
+        right=0.99,
+        bottom=_LEGEND / whole,
+        top=1.0 - _TITLE / whole,
+        wspace=0.03,
+    )
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -150,7 +150,7 @@ class Paper:
     def finish(self) -> None:
         """Set the scale and add what tells it."""
         self._axes.set_aspect('equal')
-        self._axes.margins(0.15)
+        self._axes.margins(x=0.24, y=0.15)
         self._axes.set_axis_off()
         self._axes.autoscale_view()
         self._axes.autoscale(False)

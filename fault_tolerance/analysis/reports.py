@@ -30,7 +30,7 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
     Returns
     -------
     dict
-        The keys of ``python -m fault_tolerance measures --json``: README, "Command line".
+        The keys of ``python -m fault_tolerance measures --json``: docs/command_line.md.
     """
     mechanism, present, verdict = state.rows.mechanism, state.present, state.verdict
     actuators, struts = mechanism.actuator_names, mechanism.strut_names

@@ -159,10 +159,6 @@ class FailureLedger:
             given = report.stamp if report.stamp is not None and isfinite(report.stamp) else now
             # A source whose clock runs ahead must not look as if it went on reporting.
             stamp = min(given, now)
-            if self._came_late(stamp, now):
-                text = f'{report.target} {report.mode}: reported before the last clear'
-                notices.append(Notice('before_clear', clean(text)))
-                continue
             statement = self._repeated(report)
             if statement is None:
                 statement, remarks = understood(
@@ -170,6 +166,11 @@ class FailureLedger:
                 )
                 notices.extend(remarks)
             if statement is None:
+                continue
+            # Good news that comes late is still true.
+            if statement.mode is not FailureMode.NONE and self._came_late(stamp, now):
+                text = f'{report.target} {report.mode}: reported before the last clear'
+                notices.append(Notice('before_clear', clean(text)))
                 continue
             source = self._place(report.source, statement)
             earlier = message.get(source)
@@ -179,7 +180,7 @@ class FailureLedger:
         return message
 
     def _came_late(self, stamp: float, now: float) -> bool:
-        """Return whether a report tells of the time before the last clear, and may be old."""
+        """Return whether a failure was reported before the last clear, and may be gone."""
         cleared_at = self._cleared_at
         return cleared_at is not None and stamp < cleared_at and now - cleared_at <= REPEAT_WINDOW
 

@@ -152,6 +152,12 @@ class Supervisor:
         self._pass_time(now)
         self._paused = paused
 
+    def forget_times(self, now: float) -> None:
+        """Wait for fresh inputs: the clock they are stamped by has been set back."""
+        self._readings.restart_clock()
+        self._velocity.restart_clock()
+        self._ledger.restart_clock(now)
+
     def step(self, now: float) -> Output:
         """Return the command for the inputs at hand. Never raises; the rates are finite."""
         self._pass_time(now)
@@ -228,9 +234,7 @@ class Supervisor:
 
     def _pass_time(self, now: float) -> None:
         if now < self._now:
-            self._readings.restart_clock()
-            self._velocity.restart_clock()
-            self._ledger.restart_clock(now)
+            self.forget_times(now)
         self._now = now
 
     def _result(

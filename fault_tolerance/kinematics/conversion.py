@@ -126,7 +126,8 @@ def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
         if after not in options:
             options[after] = _judged(rows, after, actions)
     ranked = sorted(
-        options.values(), key=lambda option: (-option.kept, len(option.actions))
+        # Rounding error is no reason to act.
+        options.values(), key=lambda option: (-round(option.kept, 9), len(option.actions))
     )
     return Conversions(as_it_is, ranked[0], tuple(ranked))
 

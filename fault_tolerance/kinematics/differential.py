@@ -21,7 +21,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.closure import absorption_threshold
 from fault_tolerance.mechanism.constraints import decomposed
 from fault_tolerance.mechanism.task import Task
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.mechanism.tolerances import ROUNDING_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,31 +120,31 @@ def differential_kinematics(
         unlocked = null_space(rates[stuck] * rows.rate_scale[stuck, None], scale)
         twists, rates = twists @ unlocked, rates @ unlocked
         rates[stuck] = 0.0
-    twists = twists / rows.twist_scale[:, None]
 
     # Columns of [twists; rates] span every motion; those the drives feel make T.
     left, sigma, right = _decomposed(rates[active])
     rank = rank_of(sigma, scale)
+    unactuated = _independent(twists @ right[rank:].T) / rows.twist_scale[:, None]
+    twists = twists / rows.twist_scale[:, None]
     if rank < twists.shape[1]:
         # What the drives do not determine is chosen as the shortest motion, which needs an
-        # orthonormal basis to have a meaning.
+        # orthonormal basis to have a meaning. The rank was decided above, whatever the units.
         basis, _ = np.linalg.qr(np.vstack([twists, rates]))
         twists, rates = basis[: len(twists)], basis[len(twists) :]
         left, sigma, right = _decomposed(rates[active])
-        rank = rank_of(sigma, scale)
     per_rate = right[:rank].T / sigma[:rank]
     mapping = np.zeros((len(rates), rank))
     mapping[active] = left[:, :rank]
     rate_map = rates @ per_rate
     rate_map[active] = left[:, :rank]
-    twist_jacobian = twists @ per_rate
+    twist_jacobian = _without_noise(twists @ per_rate, mapping, rows)
     return DifferentialKinematics(
         mechanism.task,
         twist_jacobian[rows.task_rows],
         mapping,
         twist_jacobian,
         rate_map,
-        _independent(twists @ right[rank:].T, rows.twist_scale),
+        unactuated,
         active,
         absorbed,
         weakest,
@@ -217,11 +217,23 @@ def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]
     return np.linalg.svd(matrix, full_matrices=not tall)
 
 
-def _independent(twists: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return a basis of the platform twists (d, k); motions inside the struts drop out."""
+def _without_noise(
+    twist_jacobian: FloatArray, mapping: FloatArray, rows: StrutRows
+) -> FloatArray:
+    """Return J (d, n) with 0 for the coordinates that the drives do not move.
+
+    Otherwise rounding errors would pass for motion where there is nothing to compare them with.
+    """
+    speed = np.linalg.norm(twist_jacobian * rows.twist_scale[:, None], axis=1)
+    drives = float(np.linalg.norm(mapping * rows.rate_scale[:, None]))
+    moved = speed > ROUNDING_TOLERANCE * max(drives, float(np.linalg.norm(speed)))
+    return np.where(moved[:, None], twist_jacobian, 0.0)
+
+
+def _independent(twists: FloatArray) -> FloatArray:
+    """Return a basis of scaled platform twists (d, k); motions inside the struts drop out."""
     if twists.shape[1] == 0:
         return twists
-    left, sigma, _ = np.linalg.svd(twists * scale[:, None], full_matrices=False)
+    left, sigma, _ = np.linalg.svd(twists, full_matrices=False)
     # The motions are unit vectors together with their actuator rates: the yardstick is 1.
-    kept = int((sigma > RANK_TOLERANCE * max(1.0, float(scale.max()))).sum())
-    return np.asarray(left[:, :kept] / scale[:, None])
+    return np.asarray(left[:, : rank_of(sigma, 1.0)])

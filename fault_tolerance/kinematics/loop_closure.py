@@ -63,11 +63,13 @@ def loop_jacobians(configuration: Configuration) -> LoopJacobians:
         by_actuator[strut, :, chains.actuator[strut, joint]] = columns[strut, :, joint]
     for place, (strut, joint) in enumerate(passive):
         by_passive[strut, :, place] = columns[strut, :, joint]
+    # A serial arm is one strut without a loop, and may have no passive joint either.
+    loops = 6 * (struts - 1)
     return LoopJacobians(
         by_actuator[0],
         by_passive[0],
-        (by_actuator[0] - by_actuator[1:]).reshape(-1, count),
-        (by_passive[0] - by_passive[1:]).reshape(-1, len(passive)),
+        (by_actuator[0] - by_actuator[1:]).reshape(loops, count),
+        (by_passive[0] - by_passive[1:]).reshape(loops, len(passive)),
     )
 
 

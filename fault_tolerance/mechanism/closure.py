@@ -110,8 +110,14 @@ class Closure:
         scale = self.mechanism.characteristic_length
         last = (_LAST_STEP_SOLVED if nearest_home else _LAST_STEP_FITTED) * scale
         for iteration in range(1, _MOST_ITERATIONS + 1):
-            state, length = self._stepped(state, target, nearest_home)
-            if length <= last and self.residuals(state)[0] <= CLOSURE_TOLERANCE:
+            before = state
+            state, length = self._stepped(before, target, nearest_home)
+            # In an overconstrained mechanism the freedom to fit shows only once the loops close.
+            if (
+                length <= last
+                and self.residuals(state)[0] <= CLOSURE_TOLERANCE
+                and self._freedom(state) == self._freedom(before)
+            ):
                 return state, True, iteration
             if not np.isfinite(length):
                 break
@@ -140,6 +146,11 @@ class Closure:
         rows = constraints.structure[mine]
         return rows, constraints.structure_strut[mine], *decomposed(rows)
 
+    def _freedom(self, state: State) -> int:
+        """Return how many twists of the platform the structure does not bar."""
+        sigma = self._structure(state)[3]
+        return 6 - int((sigma > absorption_threshold(sigma, self.mechanism.compliance)).sum())
+
     def _stepped(
         self, state: State, target: FloatArray, nearest_home: bool
     ) -> tuple[State, float]:
@@ -155,6 +166,8 @@ class Closure:
         for index in np.flatnonzero(~self._attached):
             columns = state.screws[index].T * chains.scale[:, None]
             joint_rates[index] = np.linalg.pinv(columns, rcond=1e-9) @ moved[index]
+        if not (np.isfinite(twist).all() and np.isfinite(joint_rates).all()):
+            return state, np.inf  # readings beyond all numbers
         drives = float(np.linalg.norm(pushed[self._attached]))
         length = max(float(np.linalg.norm(twist)), drives)
         longest = _LONGEST_STEP * self.mechanism.characteristic_length

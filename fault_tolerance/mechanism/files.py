@@ -287,3 +287,5 @@ def _working_point(top: Section) -> WorkingPoint:
         return WorkingPoint(np.array(jacobian), np.array(mapping))
     except MechanismError as error:
         raise top.error(error.key, error.reason) from None
+    except ArrayError as error:
+        raise top.error(error.name, error.reason) from None

@@ -20,3 +20,6 @@ MISFIT_TOLERANCE = 1e-6
 
 WELL_CONDITIONED = 1e-4
 """Inverse condition number above which a strut's drive block is inverted instead of stacked."""
+
+ROUNDING_TOLERANCE = 1e-12
+"""Speeds below this fraction of the drives' are rounding errors, not motion."""

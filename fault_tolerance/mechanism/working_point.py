@@ -11,6 +11,7 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +42,11 @@ class WorkingPoint:
             raise MechanismError('working point', 'mapping', reason)
         gram = mapping.T @ mapping
         if not np.allclose(gram, np.eye(len(gram)), rtol=0.0, atol=1e-14):
-            basis, triangle = np.linalg.qr(mapping)
-            diagonal = np.abs(np.diag(triangle))
-            if diagonal.min(initial=np.inf) < 1e-9 * diagonal.max(initial=0.0):
+            sigma = np.linalg.svd(mapping, compute_uv=False)
+            if sigma.min(initial=np.inf) <= RANK_TOLERANCE * sigma.max(initial=0.0):
                 reason = 'has dependent columns'
                 raise MechanismError('working point', 'mapping', reason)
+            basis, triangle = np.linalg.qr(mapping)
             jacobian = np.linalg.solve(triangle.T, jacobian.T).T
             mapping = basis
         object.__setattr__(self, 'jacobian', frozen_array(jacobian, (None, None), 'jacobian'))

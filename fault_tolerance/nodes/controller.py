@@ -83,6 +83,7 @@ class Controller(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         self.create_timer(METRICS_PERIOD, self._publish_metrics, clock=steady)
+        self._line.call_on_jump(self._on_jump)
         self._announce(self._supervisor.output)
 
     def farewell(self) -> None:
@@ -93,17 +94,15 @@ class Controller(Node):
         taken = self._inputs.joint_values(message, self._supervisor.failures.lost)
         if taken is not None:
             notice = self._supervisor.joint_reading(taken.values, self._line.now(), taken.stamp)
+            self._health.remark(notice)
             if notice is None:
                 self._cycle()
-            else:
-                self._health.remark(notice)
 
     def _on_task_velocity(self, message: TwistStamped) -> None:
         taken = self._inputs.task_velocity(message)
         if taken is not None:
             notice = self._supervisor.task_velocity(taken.values, self._line.now(), taken.stamp)
-            if notice is not None:
-                self._health.remark(notice)
+            self._health.remark(notice)
 
     def _on_diagnostics(self, raw: bytes) -> None:
         self._reader.put(raw)
@@ -121,6 +120,10 @@ class Controller(Node):
                 self._reader.forget_repeats()
         if changed:
             self._cycle()
+
+    def _on_jump(self, now: float) -> None:
+        self._supervisor.forget_times(now)
+        self._cycle()
 
     def _on_watchdog(self) -> None:
         now = self._line.now()

@@ -56,8 +56,10 @@ class Health:
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def remark(self, notice: Notice) -> None:
-        """Count a notice; log it unless its like was logged within the last second."""
+    def remark(self, notice: Notice | None) -> None:
+        """Count a notice, if any; log it unless its like was logged within the last second."""
+        if notice is None:
+            return
         self._counts[f'{"rejected" if notice.rejected else "warned"}_{notice.reason}'] += 1
         if not notice.text:
             return

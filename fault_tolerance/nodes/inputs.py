@@ -54,8 +54,7 @@ class InputReader:
     def joint_values(self, message: JointState, lost: Collection[str]) -> Input | None:
         """Return the joint values (N,) in a message, or None; ``lost`` struts may lack theirs."""
         readings = joint_readings(self._mechanism, message.name, message.position, lost)
-        if readings.notice is not None:
-            self._health.remark(readings.notice)
+        self._health.remark(readings.notice)
         if readings.values is None:
             return None
         return Input(readings.values, self._placed(message, 'joint_state'))

@@ -9,9 +9,11 @@ Timeouts must not depend on a wall clock that somebody sets, nor on a simulated 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
-from rclpy.clock import Clock
+from rclpy.clock import Clock, JumpThreshold
+from rclpy.duration import Duration
 
 from fault_tolerance.nodes.messages import nanoseconds_from_msg
 
@@ -31,6 +33,21 @@ class TimeLine:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._offset = 0
+        self._jumps: list[object] = []
+
+    def call_on_jump(self, callback: Callable[[float], None]) -> None:
+        """Call ``callback`` with the present whenever the clock is set back or exchanged.
+
+        Only simulated time does that: what happens to a wall clock is passed over.
+        """
+        threshold = JumpThreshold(
+            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
+        self._jumps.append(
+            self._clock.create_jump_callback(
+                threshold, post_callback=lambda _: callback(self.now())
+            )
+        )
 
     @staticmethod
     def now() -> float:

@@ -209,6 +209,17 @@ def test_a_report_from_before_the_clear_is_ignored_unless_it_is_repeated_later()
     assert book.failures == STUCK_4
 
 
+def test_good_news_from_before_the_clear_counts_even_if_it_comes_late():
+    book = ledger()
+    book.apply([report('stuck', 'theta_4', stamp=9.0)], 9.0)
+    assert book.clear(10.0).remaining == ('theta_4 (position)',)
+
+    update = book.apply([report('none', 'theta_4', stamp=9.9)], 10.1)
+
+    assert reasons(update) == ['latched']
+    assert book.clear(10.2).released == ('theta_4 (position)',)
+
+
 def test_a_report_from_after_the_clear_counts_at_once():
     book = ledger()
     book.clear(10.0)

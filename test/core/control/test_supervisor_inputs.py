@@ -199,6 +199,17 @@ def test_a_clock_set_back_holds_until_the_next_readings():
     assert supervisor.step(3.0).rates.any()
 
 
+def test_told_to_forget_times_it_holds_until_the_next_readings():
+    supervisor = fed(FSM, velocity=ASKED)
+    assert supervisor.step(0.0).rates.any()
+
+    supervisor.forget_times(0.0)
+
+    assert supervisor.step(0.0).state is State.HOLD
+    feed(supervisor, 0.0, ASKED)
+    assert supervisor.step(0.0).rates.any()
+
+
 def test_a_clock_set_forward_holds_until_the_next_readings():
     supervisor = fed(FSM, velocity=ASKED)
 

@@ -1,0 +1,137 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""What holds for every test: a DDS domain of its own, an end, and no green by luck.
+
+A test that does not run proves nothing, so a skip is a failure unless its reason is one of
+`ALLOWED_SKIPS` *and* holds on this machine; a run without any test fails too. Tests ask for what
+may be missing with a mark (``needs_launch``, ``needs_network_namespaces``) and import it inside.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+LONGEST_TEST = 480  # seconds; one that hangs must not hang the pipeline
+DOMAINS = 101  # above, Fast DDS would use ports that Linux hands out to anyone
+
+
+def _own_domain() -> int:
+    """Return a ROS domain that no other test process of this machine holds.
+
+    The file stays open, and so locked, until this process ends, however it ends.
+    """
+    folder = Path(tempfile.gettempdir())
+    for step in range(DOMAINS):
+        domain = 1 + (os.getpid() + step) % DOMAINS
+        try:
+            lock = os.open(folder / f'fault_tolerance_domain_{domain}.lock',
+                           os.O_RDWR | os.O_CREAT, 0o666)
+        except PermissionError:  # another user's
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+            continue
+        return domain
+    raise RuntimeError(f'all {DOMAINS} ROS domains are held by other test runs')
+
+
+# Before anything imports rclpy; child processes inherit it.
+os.environ['ROS_DOMAIN_ID'] = str(_own_domain())
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+for name in ('ROS_LOCALHOST_ONLY', 'ROS_STATIC_PEERS'):
+    os.environ.pop(name, None)
+
+
+@cache
+def launch_is_missing() -> bool:
+    """Tell whether launch cannot be imported; a mere folder called launch does not count."""
+    spec = importlib.util.find_spec('launch')
+    return spec is None or spec.origin is None
+
+
+@cache
+def network_namespaces_are_refused() -> bool:
+    """Tell whether this user may not make a network namespace and raise its loopback."""
+    if not (shutil.which('unshare') and shutil.which('ip')):
+        return True
+    attempt = ['unshare', '--user', '--map-root-user', '--net', 'ip', 'link', 'set', 'lo', 'up']
+    return subprocess.run(attempt, capture_output=True, check=False).returncode != 0
+
+
+# reason -> (mark, whether it holds here)
+ALLOWED_SKIPS = {
+    'launch is not installed': ('needs_launch', launch_is_missing),
+    'network namespaces are not permitted': ('needs_network_namespaces',
+                                             network_namespaces_are_refused),
+}
+
+
+def pytest_runtest_setup(item):
+    for reason, (mark, holds) in ALLOWED_SKIPS.items():
+        if item.get_closest_marker(mark) and holds():
+            pytest.skip(reason)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    def give_up(*_):
+        pytest.fail(f'still running after {LONGEST_TEST} s')
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(LONGEST_TEST)
+    try:
+        return (yield)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _without_luck(report):
+    """Make a skip (or an expected failure) that is not allowed a failure."""
+    if not report.skipped:
+        return report
+    if hasattr(report, 'wasxfail'):
+        reason = f'expected failure: {report.wasxfail}'
+        del report.wasxfail
+    else:
+        reason = report.longrepr[2].removeprefix('Skipped: ')
+        _, holds = ALLOWED_SKIPS.get(reason, (None, lambda: False))
+        if holds():
+            return report
+    report.outcome = 'failed'
+    report.longrepr = f'not run, for a reason that is not allowed: {reason}'
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    return _without_luck((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    return _without_luck((yield))
+
+
+def pytest_sessionfinish(session):
+    if session.config.option.collectonly:
+        return
+    # pytest calls a run of nothing but skips a success, and colcon one without tests; colcon
+    # passes on every code but "no tests" and "tests failed".
+    reporter = session.config.pluginmanager.get_plugin('terminalreporter')
+    if session.exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED) \
+            and not reporter.stats.get('passed'):
+        reporter.write_line('\nno test passed', red=True)
+        session.exitstatus = pytest.ExitCode.USAGE_ERROR

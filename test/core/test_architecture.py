@@ -1,0 +1,189 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The house rules of docs/architecture.md that imports show."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / 'fault_tolerance'
+
+# Doors lead downwards only: to a lower number, or to another module of the same folder.
+LAYERS = {
+    'errors': 0,
+    'resources': 0,
+    'mechanism': 1,
+    'kinematics': 2,
+    '__init__': 3,
+    'analysis': 3,
+    'control': 3,
+    'simulation': 3,
+    'closed_loop': 4,
+    'commands': 4,
+    'nodes': 5,
+    'cli': 6,
+    '__main__': 7,
+}
+PURE = ('mechanism', 'kinematics', 'control', 'simulation')
+OUTSIDE_WORLD = {'asyncio', 'datetime', 'logging', 'multiprocessing', 'os', 'random', 'socket',
+                 'subprocess', 'sys', 'threading', 'time'}
+ROS = {'ament_index_python', 'launch', 'launch_ros', 'launch_testing', 'rclpy', 'ros2cli',
+       'rosidl_runtime_py', 'tf2_ros'}
+
+
+def is_ros(name: str) -> bool:
+    root = name.partition('.')[0]
+    return root in ROS or root.endswith(('_msgs', '_interfaces', '_srvs'))
+
+
+def imported(path: Path) -> set[str]:
+    """Return the full names of all modules that the file imports, anywhere in it."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f'{path}: imports are absolute here'
+            names.add(node.module)
+            # from package import module
+            names.update(f'{node.module}.{alias.name}' for alias in node.names)
+        elif isinstance(node, ast.Call) and node.args:
+            called = getattr(node.func, 'attr', getattr(node.func, 'id', ''))
+            first = node.args[0]
+            if called in ('import_module', '__import__') and isinstance(first, ast.Constant):
+                names.add(first.value)
+    return names
+
+
+def layer_of(module: str) -> str:
+    """Return the room of ``fault_tolerance.room...``; names of the façade are its own room."""
+    parts = module.split('.')
+    return parts[1] if len(parts) > 1 and parts[1] in LAYERS else '__init__'
+
+
+def room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
+
+
+IMPORTS = {path: imported(path) for path in sorted(PACKAGE.rglob('*.py'))}
+
+
+def offences(wrong, rooms=tuple(LAYERS)):
+    """Return what in the ``rooms`` imports something ``wrong`` says is wrong."""
+    return [
+        f'{path.relative_to(ROOT)} imports {name}'
+        for path, names in IMPORTS.items()
+        for name in sorted(names)
+        if room(path) in rooms and wrong(room(path), name)
+    ]
+
+
+def test_every_room_has_its_floor():
+    assert {room(path) for path in IMPORTS} <= set(LAYERS)
+
+
+def test_doors_lead_downwards():
+    """So control, simulation and analysis, on one floor, never import each other."""
+    def upwards(own, name):
+        if name.partition('.')[0] != PACKAGE.name:
+            return False
+        other = layer_of(name)
+        return other != own and LAYERS[other] >= LAYERS[own]
+
+    assert offences(upwards) == []
+
+
+def test_only_nodes_know_ros():
+    elsewhere = tuple(name for name in LAYERS if name != 'nodes')
+    assert offences(lambda _, name: is_ros(name), elsewhere) == []
+
+
+def test_simulation_knows_geometry_only():
+    """It never uses J or T, so that it can prove the controller wrong."""
+    def kinematics(_, name):
+        return name.startswith('fault_tolerance.kinematics')
+
+    assert offences(kinematics, ('simulation',)) == []
+
+
+def test_the_core_has_no_clock_and_no_log():
+    assert offences(lambda _, name: name in OUTSIDE_WORLD, PURE) == []
+
+
+@pytest.mark.parametrize('folder', ['examples', 'test/core'])
+def test_examples_and_core_tests_do_without_ros(folder):
+    for path in sorted((ROOT / folder).rglob('*.py')):
+        assert not [name for name in imported(path) if is_ros(name)], path
+
+
+def test_the_walk_finds_every_way_to_import(tmp_path):
+    path = tmp_path / 'module.py'
+    path.write_text(
+        'import rclpy.node as n\n'
+        'def f():\n'
+        '    from std_msgs.msg import String\n'
+        '    from fault_tolerance import cli\n'
+        'm = importlib.import_module("launch")\n'
+        'k = __import__("sensor_msgs")\n'
+    )
+    found = imported(path)
+    assert {'rclpy.node', 'std_msgs.msg', 'launch', 'sensor_msgs', 'fault_tolerance.cli'} <= found
+    assert sum(is_ros(name) for name in found) == 5
+    assert layer_of('fault_tolerance.cli') == 'cli'
+    assert layer_of('fault_tolerance.strut_rows') == '__init__'
+
+
+WITHOUT_ROS = '''
+import importlib, pkgutil, sys
+
+class Refuse:
+    """Let nothing of ROS be imported, installed or not."""
+    def find_spec(self, name, path=None, target=None):
+        root = name.partition('.')[0]
+        if root in {ros!r} or root.endswith(('_msgs', '_interfaces', '_srvs')):
+            raise ModuleNotFoundError(f'{{name}} is refused here', name=name)
+        return None
+
+sys.meta_path.insert(0, Refuse())
+try:
+    import rclpy
+except ModuleNotFoundError:
+    pass
+else:
+    raise SystemExit('rclpy came in')
+
+import fault_tolerance
+count = 0
+for module in pkgutil.walk_packages(fault_tolerance.__path__, 'fault_tolerance.'):
+    if module.name.startswith('fault_tolerance.nodes') or module.name.endswith('__main__'):
+        continue
+    try:
+        importlib.import_module(module.name)
+    except ModuleNotFoundError as error:
+        # Drawing is an extra.
+        if error.name.partition('.')[0] != 'matplotlib':
+            raise
+    count += 1
+from fault_tolerance.cli import main
+code = main(['measures', 'fsm_4_strut', '--failed', 'stuck:theta_4', '--json'])
+print(count, 'modules', file=sys.stderr)
+sys.exit(code)
+'''
+
+
+def test_the_core_and_the_command_line_run_without_ros():
+    environment = {name: value for name, value in os.environ.items() if name != 'PYTHONPATH'}
+    environment['PYTHONPATH'] = str(ROOT)
+    done = subprocess.run(
+        [sys.executable, '-c', WITHOUT_ROS.format(ros=sorted(ROS))],
+        capture_output=True, text=True, env=environment, timeout=60, check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert '"tolerable": true' in done.stdout
+    outside = [path for path in IMPORTS if room(path) not in ('nodes', '__main__', '__init__')]
+    assert done.stderr.split()[-2:] == [str(len(outside)), 'modules']

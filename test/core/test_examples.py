@@ -1,0 +1,69 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Every example runs, without ROS, and prints what its text promises."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[2]
+EXAMPLES = sorted((REPOSITORY / 'examples').glob('*.py'))
+
+# Some of what each must print.
+PRINTED = {
+    '01_table_one.py': ['theta_1: p = 0.6742  t = 0.5164', 'strut_2: h = 0.3464'],
+    '02_stuck_actuator.py': [
+        'theta_4 stuck; wx, wy retained, vz coupled',
+        '[-0.00707 -0.02828 -0.02121  0.     ]',
+        '[ 0.01     0.02    -0.01414]',
+        '[ 0.01     0.01    -0.00354]',
+    ],
+    '03_away_from_home.py': [
+        '0.00707                 2             3', '0.05674                 2             2',
+        'wy cannot be given independently'],
+    '04_hexapod_your_own.py': ['my_hexapod: 6 degrees of freedom', 'leg_6: p = 0.4082'],
+    '05_mixed_failures_and_conversion.py': [
+        'kept at best:  0.5774 (torque:theta_1 to position:theta_1)',
+        'kept at best:  0.3333 (leaving it)'],
+    '06_closed_loop.py': ['with recovery:', 'without:', 'theta_4 stuck  degraded'],
+    '07_scaling.py': ['12   0.5774   0.8660   0.7146'],
+    '08_by_numbers.py': [
+        'p = 0.5774 (by Theorem 2 0.5774), t = 0.5000 (by Theorem 4 0.5000)',
+        'so none can be lost'],
+}
+
+
+def test_they_are_numbered_without_gaps():
+    assert [int(path.name[:2]) for path in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
+    assert [path.name for path in EXAMPLES] == list(PRINTED)
+
+
+@pytest.mark.parametrize('path', EXAMPLES, ids=lambda path: path.stem)
+def test_it_runs(path, tmp_path):
+    found = subprocess.run(
+        [sys.executable, str(path)], cwd=tmp_path, text=True, capture_output=True, check=False,
+        env={**os.environ, 'PYTHONPATH': str(REPOSITORY)})
+    assert (found.returncode, found.stderr) == (0, '')
+    for line in PRINTED[path.name]:
+        assert line in found.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_recovery_is_worth_it():
+    found = subprocess.run(
+        [sys.executable, str(REPOSITORY / 'examples' / '06_closed_loop.py')], text=True,
+        capture_output=True, check=True, env={**os.environ, 'PYTHONPATH': str(REPOSITORY)})
+    errors = [float(number) for number in re.findall(r'error +([\d.]+) urad', found.stdout)]
+    _, recovered, _, unrecovered = errors
+    assert recovered < 30.0 < 300.0 < unrecovered
+
+
+@pytest.mark.parametrize('path', EXAMPLES, ids=lambda path: path.stem)
+def test_it_is_short_and_needs_no_ros(path):
+    text = path.read_text(encoding='utf-8')
+    assert text.count('\n') <= 70
+    assert not re.search(r'^\s*(from|import) +(rclpy|\w+_msgs|launch)', text, re.MULTILINE)

@@ -1,0 +1,192 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The names, types and qualities of service that users and other tools rely on."""
+
+from __future__ import annotations
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from node_rig import LATCHED, Probe, values_of
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_msgs.msg import Float64, Float64MultiArray, String
+from visualization_msgs.msg import MarkerArray
+
+RELIABLE, SENSOR = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+SCALARS = (
+    'position_tolerance', 'torque_tolerance', 'hard_tolerance', 'retained_manipulability',
+    'condition_number', 'active_failures', 'recovery_time',
+)
+PUBLISHED = {
+    'velocity_controller/commands': (
+        'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
+    ),
+    'fault_tolerance/state': ('fault_tolerance', 'std_msgs/msg/String', RELIABLE),
+    'fault_tolerance/metrics': (
+        'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticArray', RELIABLE
+    ),
+    **{
+        f'fault_tolerance/metrics/{name}': ('fault_tolerance', 'std_msgs/msg/Float64', RELIABLE)
+        for name in SCALARS
+    },
+    **{
+        f'fault_tolerance/metrics/{name}': (
+            'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
+        )
+        for name in ('position', 'torque', 'hard')
+    },
+    'fault_tolerance/achieved_velocity': (
+        'fault_tolerance', 'geometry_msgs/msg/TwistStamped', RELIABLE
+    ),
+    'joint_states': ('fsm', 'sensor_msgs/msg/JointState', SENSOR),
+    'fsm/mirror_pose': ('fsm', 'geometry_msgs/msg/PoseStamped', SENSOR),
+    'fsm/mirror_velocity': ('fsm', 'geometry_msgs/msg/TwistStamped', SENSOR),
+    'fsm/markers': ('fsm', 'visualization_msgs/msg/MarkerArray', RELIABLE),
+    'fault_tolerance/task_velocity': ('pointing', 'geometry_msgs/msg/TwistStamped', RELIABLE),
+}
+SUBSCRIBED = {
+    'joint_states': ('fault_tolerance', SENSOR),
+    'fault_tolerance/task_velocity': ('fault_tolerance', RELIABLE),
+    'velocity_controller/commands': ('fsm', RELIABLE),
+    'fsm/inject_fault': ('fsm', RELIABLE),
+    'fsm/mirror_pose': ('pointing', SENSOR),
+}
+SERVICES = {
+    'fault_tolerance/clear_failures': 'std_srvs/srv/Trigger',
+    'fault_tolerance/pause': 'std_srvs/srv/SetBool',
+}
+
+
+@pytest.fixture(params=['', 'robot'], scope='module')
+def namespace(request):
+    return request.param
+
+
+@pytest.fixture(scope='module')
+def running(start_for_module, ros, namespace):
+    """All three nodes of the demonstration, and a probe that has heard of them."""
+    processes = [
+        start_for_module(module, namespace, mechanism='mirror_4_strut')
+        for module in ('fsm_simulator', 'controller', 'pointing_reference')
+    ]
+    probe = Probe(namespace)
+    root = f'/{namespace}/' if namespace else '/'
+    probe.wait(
+        lambda: all(probe.node.count_publishers(root + topic) for topic in PUBLISHED),
+        'every topic',
+    )
+    probe.wait_for_state('nominal')
+    probe.wait(lambda: probe.metrics and len(probe.commands) > 10, 'metrics and commands')
+    yield probe
+    probe.close()
+    for process in processes:
+        process.end()
+
+
+def test_everything_is_where_the_contract_says(running, namespace):
+    root = f'/{namespace}/' if namespace else '/'
+    node = running.node
+    for topic, (publisher, kind, reliability) in PUBLISHED.items():
+        (info,) = node.get_publishers_info_by_topic(root + topic)
+        assert (info.node_name, info.topic_type) == (publisher, kind), topic
+        assert info.node_namespace == (root.rstrip('/') or '/')
+        assert info.qos_profile.reliability == reliability, topic
+        latched = info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert latched is topic.endswith('/state'), topic
+    for topic, (subscriber, reliability) in SUBSCRIBED.items():
+        infos = node.get_subscriptions_info_by_topic(root + topic)
+        (info,) = [one for one in infos if one.node_name == subscriber]
+        assert info.qos_profile.reliability == reliability, topic
+    publishers = node.get_publishers_info_by_topic('/diagnostics')
+    assert {info.node_name for info in publishers} == {'fault_tolerance', 'fsm', 'pointing'}
+    (info,) = node.get_subscriptions_info_by_topic('/diagnostics')
+    assert info.node_name == 'fault_tolerance'
+    services = dict(node.get_service_names_and_types())
+    for service, kind in SERVICES.items():
+        assert services[root + service] == [kind]
+    assert running.clear().message == 'nothing to release; now nominal'
+
+
+def test_the_metrics_say_all_there_is_to_say(running, namespace):
+    prefix = f'{namespace}/' if namespace else ''
+    mechanism, *parts = running.metrics[-1].status
+    assert mechanism.name == 'fault_tolerance: mechanism'
+    assert mechanism.level == DiagnosticStatus.OK
+    assert mechanism.message.startswith('nominal: ')
+    assert set(values_of(mechanism)) == {
+        'state', 'failures', 'mobility', 'lost', 'gained', 'retained_manipulability',
+        'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
+        'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
+        'report_stamp',
+    }
+    names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
+    assert [part.hardware_id for part in parts] == [prefix + name for name in names]
+    for part in parts[:4]:
+        values = values_of(part)
+        assert values['failure'] == 'none'
+        assert float(values['position']) == pytest.approx(3**-0.5, abs=1e-3)
+        assert float(values['torque']) == pytest.approx(0.5, abs=1e-3)
+        assert float(values['position_optimality']) == pytest.approx(1.0, abs=1e-2)
+        assert float(values['torque_optimality']) == pytest.approx(1.0, abs=1e-2)
+    for part in parts[4:]:
+        assert float(values_of(part)['hard']) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_plots_have_topics_and_labels_of_their_own(running):
+    scalars = {
+        name: running.heard(Float64, f'fault_tolerance/metrics/{name}') for name in SCALARS
+    }
+    lists = {
+        name: running.heard(Float64MultiArray, f'fault_tolerance/metrics/{name}')
+        for name in ('position', 'torque', 'hard')
+    }
+    heard = [*scalars.values(), *lists.values()]
+    running.wait(lambda: all(heard), 'every metric')
+    assert scalars['position_tolerance'][-1].data == pytest.approx(3**-0.5, abs=1e-3)
+    assert scalars['torque_tolerance'][-1].data == pytest.approx(0.5, abs=1e-3)
+    assert scalars['hard_tolerance'][-1].data == pytest.approx(0.5, abs=1e-3)
+    assert scalars['retained_manipulability'][-1].data == pytest.approx(1.0)
+    assert scalars['active_failures'][-1].data == 0.0
+    for name, messages in lists.items():
+        kind = 'strut' if name == 'hard' else 'theta'
+        labels = [entry.label for entry in messages[-1].layout.dim]
+        assert labels == [f'{kind}_{number}' for number in range(1, 5)]
+        assert len(messages[-1].data) == 4
+
+
+def test_metrics_come_five_times_a_second(running):
+    running.metrics.clear()
+    running.spin(2.0)
+    assert 8 <= len(running.metrics) <= 12
+
+
+def test_every_node_tells_of_its_own_health(running):
+    diagnostics = running.heard(DiagnosticArray, '/diagnostics')
+
+    def names():
+        return {status.name for message in diagnostics for status in message.status}
+
+    wanted = {'fault_tolerance: controller', 'fsm: simulator', 'pointing: reference'}
+    running.wait(lambda: wanted <= names(), 'the health of all three nodes')
+
+
+def test_the_state_reaches_those_who_come_late(running):
+    late = running.heard(String, 'fault_tolerance/state', LATCHED)
+    running.wait(lambda: late, 'the state')
+    assert late[0].data == 'nominal'
+
+
+def test_markers_show_struts_mirror_and_boresight(running):
+    markers = running.heard(MarkerArray, 'fsm/markers')
+    running.wait(lambda: markers, 'markers')
+    names = [marker.ns for marker in markers[-1].markers]
+    assert names == ['strut_1', 'strut_2', 'strut_3', 'strut_4', 'mirror', 'boresight']
+    assert {marker.header.frame_id for marker in markers[-1].markers} == {'base_link'}
+    healthy = markers[-1].markers[3].color
+    running.node.create_publisher(String, 'fsm/inject_fault', LATCHED).publish(
+        String(data='stuck theta_4')
+    )
+    running.wait_for_state('degraded')
+    markers.clear()
+    running.wait(lambda: markers, 'new markers')
+    assert markers[-1].markers[3].color != healthy
+    assert markers[-1].markers[2].color == healthy

@@ -1,0 +1,229 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated mirror breaks on request, tells so as drives do, and refuses nonsense."""
+
+from __future__ import annotations
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from node_rig import Probe, values_of
+from std_msgs.msg import Float64MultiArray, String
+
+ACTUATORS = [f'theta_{number}' for number in range(1, 5)]
+STRUTS = [f'strut_{number}' for number in range(1, 5)]
+
+
+class Bench:
+    """A simulator alone, and what it reports."""
+
+    def __init__(self, probe: Probe, process, namespace: str = '') -> None:
+        self.probe = probe
+        self.process = process
+        self.joint_states = probe.joint_states()
+        self.diagnostics = probe.heard(DiagnosticArray, '/diagnostics')
+        self.faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
+        self.commands = probe.node.create_publisher(
+            Float64MultiArray, 'velocity_controller/commands', 10
+        )
+        probe.wait(self.faults.get_subscription_count, 'the simulator')
+        probe.wait(self.commands.get_subscription_count, 'the simulator')
+        probe.wait(lambda: self.joint_states, 'joint states')
+
+    def inject(self, words: str) -> None:
+        self.faults.publish(String(data=words))
+
+    @property
+    def reports(self) -> dict[str, str]:
+        """The newest mode reported, by hardware id."""
+        return {
+            status.hardware_id: values_of(status)['failure_mode']
+            for message in self.diagnostics
+            for status in message.status
+            if 'failure_mode' in values_of(status)
+        }
+
+    @property
+    def health(self) -> DiagnosticStatus | None:
+        mine = [
+            status
+            for message in self.diagnostics
+            for status in message.status
+            if status.name == 'fsm: simulator'
+        ]
+        return mine[-1] if mine else None
+
+    def wait_for_reports(self, **modes: str) -> None:
+        self.probe.wait(lambda: self.reports == modes, f'{modes}, not {self.reports}')
+
+    def next_joint_state(self):
+        count = len(self.joint_states)
+        self.probe.wait(lambda: len(self.joint_states) > count, 'a joint state')
+        return self.joint_states[-1]
+
+
+@pytest.fixture
+def bench(start, probe):
+    return Bench(probe, start('fsm_simulator', mechanism='fsm_4_strut'))
+
+
+@pytest.mark.parametrize(
+    ('words', 'reports'),
+    [
+        ('torque strut_4', {'theta_4': 'torque'}),
+        ('theta_2 stuck', {'theta_2': 'position'}),
+        ('HARD theta_3', {'strut_3': 'hard'}),
+        ('free all', dict.fromkeys(ACTUATORS, 'torque')),
+        ('lost all', dict.fromkeys(STRUTS, 'hard')),
+    ],
+)
+def test_faults_are_reported_as_drives_would(bench, words, reports):
+    bench.inject(words)
+    bench.wait_for_reports(**reports)
+    (message,) = [
+        message for message in bench.diagnostics
+        if any('failure_mode' in values_of(status) for status in message.status)
+    ][-1:]
+    assert {status.level for status in message.status} == {DiagnosticStatus.ERROR}
+    assert message.header.stamp.sec > 0
+
+
+def test_what_is_mended_is_reported_healthy(bench):
+    bench.inject('stuck theta_4')
+    bench.wait_for_reports(theta_4='position')
+    bench.inject('ok all')
+    bench.wait_for_reports(theta_4='none')
+
+
+def test_silent_faults_are_not_reported_neither_as_they_come_nor_as_they_go(bench):
+    bench.inject('silent stuck theta_4')
+    bench.probe.wait(
+        lambda: bench.probe.parameter('fsm', 'faults.theta_4') == 'position', 'the fault'
+    )
+    bench.inject('ok theta_4')
+    bench.inject('free theta_1')
+    bench.wait_for_reports(theta_1='torque')
+
+
+def test_reports_come_again_every_second(bench):
+    bench.inject('stuck theta_4')
+    bench.wait_for_reports(theta_4='position')
+    count = len(bench.diagnostics)
+    bench.probe.spin(2.5)
+    again = [
+        message for message in bench.diagnostics[count:]
+        if any(status.hardware_id == 'theta_4' for status in message.status)
+    ]
+    assert 2 <= len(again) <= 4
+
+
+def test_who_comes_late_hears_the_reports(bench):
+    bench.inject('stuck theta_4')
+    bench.wait_for_reports(theta_4='position')
+    late = bench.probe.heard(DiagnosticArray, '/diagnostics')
+    bench.probe.wait(
+        lambda: any(status.hardware_id == 'theta_4' for one in late for status in one.status),
+        'the report', 1.5,
+    )
+
+
+@pytest.mark.parametrize(
+    ('words', 'hint'),
+    [
+        ('melted theta_4', 'torque'),
+        ('stuck theta_9', 'strut_4'),
+        ('stuck', 'position'),
+        ('', 'position'),
+        ('silent silent theta_1', 'position'),
+        ('a\nb\0c ' + 100 * 'x', 'position'),
+    ],
+)
+def test_bad_words_are_refused_with_the_valid_ones_in_log_and_diagnostics(bench, words, hint):
+    bench.inject(words)
+    bench.probe.wait(
+        lambda: bench.health and 'rejected_fault_command' in values_of(bench.health), 'a refusal'
+    )
+    assert bench.health.level == DiagnosticStatus.WARN
+    assert 'valid: ' in bench.health.message
+    assert hint in bench.health.message.split('valid: ')[1]
+    (line,) = [one for one in bench.process.output.splitlines() if 'refused' in one]
+    assert hint in line
+    assert len(line) < 600
+    assert bench.process.alive
+    assert bench.reports == {}
+
+
+def test_a_parameter_breaks_things_with_an_answer(bench):
+    probe = bench.probe
+    assert probe.set_parameter('fsm', 'faults.strut_4', 'torque').successful
+    bench.wait_for_reports(theta_4='torque')
+    assert probe.parameter('fsm', 'faults.theta_4') == 'torque'
+    refused = probe.set_parameter('fsm', 'faults.strut_4', 'melted')
+    assert not refused.successful
+    assert 'valid: position, stuck' in refused.reason
+    assert probe.parameter('fsm', 'faults.strut_4') == 'torque'
+    assert probe.set_parameter('fsm', 'faults.strut_4', 'ok').successful
+    bench.wait_for_reports(theta_4='none')
+    assert probe.parameter('fsm', 'faults.theta_4') == 'none'
+
+
+def test_parameters_show_what_was_broken_by_topic(bench):
+    bench.inject('hard strut_2')
+    bench.wait_for_reports(strut_2='hard')
+    assert bench.probe.parameter('fsm', 'faults.strut_2') == 'hard'
+    assert bench.probe.parameter('fsm', 'faults.theta_2') == 'hard'
+    assert bench.probe.parameter('fsm', 'faults.theta_1') == 'none'
+
+
+def test_what_is_broken_from_the_start_is_reported(start, probe):
+    bench = Bench(probe, start('fsm_simulator', **{'faults.theta_1': 'stuck'}))
+    bench.wait_for_reports(theta_1='position')
+
+
+def test_injection_can_be_switched_off(start, probe):
+    bench = Bench(probe, start('fsm_simulator', enable_fault_injection=False))
+    bench.inject('stuck theta_4')
+    bench.probe.wait(
+        lambda: bench.health and 'rejected_fault_command' in values_of(bench.health), 'a refusal'
+    )
+    assert not probe.set_parameter('fsm', 'faults.theta_4', 'torque').successful
+    assert bench.reports == {}
+
+
+def test_joint_states_hold_every_actuator(bench):
+    message = bench.joint_states[-1]
+    assert list(message.name) == ACTUATORS
+    assert len(message.position) == len(message.velocity) == len(message.effort) == 4
+    assert message.header.stamp.sec > 0
+
+
+def test_a_lost_strut_keeps_its_position_with_velocity_zero(bench):
+    bench.inject('lost strut_4')
+    bench.wait_for_reports(strut_4='hard')
+    first = bench.next_joint_state()
+    for _ in range(5):
+        bench.commands.publish(Float64MultiArray(data=[0.01, 0.0, 0.0, 0.01]))
+        message = bench.next_joint_state()
+        assert message.position[3] == first.position[3]
+        assert message.velocity[3] == 0.0
+        assert message.effort[3] == 0.0
+
+
+def test_commands_move_the_actuators_and_bad_ones_do_not(bench):
+    rates = [0.01, -0.01, -0.01, 0.01]
+    for data in ([0.01], [float('nan'), 0.0, 0.0, 0.0], []):
+        bench.commands.publish(Float64MultiArray(data=data))
+    bench.probe.wait(
+        lambda: bench.health
+        and {'rejected_length', 'rejected_not_finite'} <= values_of(bench.health).keys(),
+        'counters',
+    )
+    assert max(map(abs, bench.joint_states[-1].velocity)) < 1e-3
+
+    def follows():
+        bench.commands.publish(Float64MultiArray(data=rates))
+        return list(bench.next_joint_state().velocity) == pytest.approx(rates, rel=0.1)
+
+    bench.probe.wait(follows, 'the commanded velocity')
+    bench.probe.wait(
+        lambda: max(map(abs, bench.joint_states[-1].velocity)) < 1e-3, 'the plant to stop'
+    )

@@ -1,0 +1,103 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes refuse to start with one line that says why, and bring the drives to rest as they end."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+
+MODULES = {
+    'controller': 'fault_tolerance',
+    'fsm_simulator': 'fsm',
+    'pointing_reference': 'pointing',
+}
+BAD = [
+    ('controller', {'joint_state_timeout': 1}, 'joint_state_timeout'),
+    ('controller', {'joint_state_timeout': -1.0}, 'joint_state_timeout'),
+    ('controller', {'tolerance_threshold': '.nan'}, 'tolerance_threshold'),
+    ('controller', {'unknown_mode': 'panic'}, 'unknown_mode'),
+    ('controller', {'recovery': 'maybe'}, 'recovery'),
+    ('controller', {'hold_below': 0.5}, 'hold_below'),
+    ('controller', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
+    ('fsm_simulator', {'rate': 100}, 'rate'),
+    ('fsm_simulator', {'disturbance': '[1.0, 2.0]'}, 'disturbance'),
+    ('fsm_simulator', {'faults.theta_1': 'melted'}, 'faults.theta_1'),
+    ('fsm_simulator', {'faults.theta_9': 'torque'}, 'faults.theta_9'),
+    ('fsm_simulator', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
+    ('pointing_reference', {'kind': 'spiral'}, 'kind'),
+    ('pointing_reference', {'lines': 0}, 'lines'),
+    ('pointing_reference', {'mechanism': 'serial_3r'}, 'mechanism'),
+]
+
+
+def refusal(process) -> str:
+    """Return the one line a process that did not start has printed."""
+    assert process.process.wait(15.0) not in (0, None)
+    (line,) = process.output.splitlines()
+    return line
+
+
+@pytest.mark.parametrize(('module', 'parameters', 'name'), BAD)
+def test_a_bad_parameter_is_named_in_one_line(start, module, parameters, name):
+    line = refusal(start(module, **parameters))
+    assert line.startswith(f'{MODULES[module]}: ')
+    assert name in line
+
+
+@pytest.mark.parametrize('module', MODULES)
+def test_a_bad_mechanism_file_is_named_in_one_line_with_key_and_reason(start, module, tmp_path):
+    file = tmp_path / 'mirror.yaml'
+    file.write_text(
+        'mechanism: mirror\nplatform: {origin: [0, 0]}\n'
+        'task: {coordinates: [wx]}\nstruts: []\n'
+    )
+    line = refusal(start(module, mechanism=str(file)))
+    assert f'{file}: platform.origin: ' in line
+
+
+def test_a_parameter_nobody_knows_is_warned_of(start):
+    process = start('controller', joint_state_time_out=0.2)
+    deadline = time.monotonic() + 15.0
+    while 'joint_state_time_out' not in process.output:
+        assert process.alive
+        assert time.monotonic() < deadline
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_brings_the_drives_to_rest(controller, plant, probe, number):
+    plant.asked = (0.01, 0.02)
+    probe.wait(lambda: any(plant.step()), 'a command that moves')
+    assert controller.signal(number) < 2.0
+    assert controller.process.returncode == 0
+    probe.wait(lambda: not any(probe.commands[-1].data), 'a command of rest')
+    assert len(probe.commands[-1].data) == 4
+    assert 'Traceback' not in controller.output
+
+
+@pytest.mark.parametrize('module', ['fsm_simulator', 'pointing_reference'])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_other_nodes_too(start, probe, module, number):
+    process = start(module)
+    probe.wait(lambda: MODULES[module] in probe.node.get_node_names(), module)
+    assert process.signal(number) < 2.0
+    assert process.process.returncode == 0
+    assert process.output == ''
+
+
+def test_the_plant_stops_by_itself_when_the_controller_is_killed(start, probe):
+    start('fsm_simulator')
+    controller = start('controller')
+    start('pointing_reference', amplitude=0.01)
+    joint_states = probe.joint_states()
+
+    def moving():
+        return any(abs(speed) > 1e-5 for speed in joint_states[-1].velocity)
+
+    probe.wait(lambda: joint_states and moving(), 'the mirror to move')
+    controller.signal(signal.SIGKILL)
+    killed = time.monotonic()
+    probe.wait(lambda: not moving(), 'the mirror to stop')
+    assert time.monotonic() - killed < 1.0
