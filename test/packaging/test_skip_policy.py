@@ -1,0 +1,144 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""A run is green only if something ran and nothing was left out that could have run."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TEST_FOLDER = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture
+def run_pytest(tmp_path):
+    """Return a function that runs pytest on a module under this package's conftest."""
+    shutil.copy(TEST_FOLDER / 'conftest.py', tmp_path)
+    shutil.copy(TEST_FOLDER.parent / 'pyproject.toml', tmp_path)
+
+    def run(source, *, conftest='', arguments=()):
+        (tmp_path / 'test_given.py').write_text(source)
+        with (tmp_path / 'conftest.py').open('a') as file:
+            file.write(conftest)
+        environment = {**os.environ, 'PYTEST_ADDOPTS': ''}
+        return subprocess.run(
+            [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '.', *arguments],
+            cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+
+    return run
+
+
+PASSES = 'import pytest\n\ndef test_that_passes():\n    pass\n\n'
+
+
+def test_passing_run_is_green(run_pytest):
+    result = run_pytest(PASSES)
+    assert result.returncode == 0, result.stdout
+    assert '1 passed' in result.stdout.splitlines()[-1]
+
+
+def test_run_without_tests_fails(run_pytest):
+    result = run_pytest('')
+    assert result.returncode == pytest.ExitCode.USAGE_ERROR
+    assert 'no test passed' in result.stdout
+
+
+def test_run_with_everything_deselected_fails(run_pytest):
+    result = run_pytest(PASSES, arguments=['-k', 'no_such_name'])
+    assert result.returncode == pytest.ExitCode.USAGE_ERROR
+    assert 'no test passed' in result.stdout
+
+
+@pytest.mark.parametrize('source', [
+    "@pytest.mark.skip(reason='not today')\ndef test_it():\n    pass\n",
+    "@pytest.mark.skipif(True, reason='not today')\ndef test_it():\n    pass\n",
+    "def test_it():\n    pytest.skip('not today')\n",
+    "@pytest.fixture\ndef value():\n    pytest.skip('not today')\ndef test_it(value):\n    pass\n",
+    "@pytest.mark.xfail(reason='not today')\ndef test_it():\n    assert False\n",
+    "import unittest\nclass TestIt(unittest.TestCase):\n"
+    "    @unittest.skip('not today')\n    def test_it(self):\n        pass\n",
+])
+def test_skip_outside_the_allow_list_fails(run_pytest, source):
+    result = run_pytest(PASSES + source)
+    assert result.returncode == 1, result.stdout
+    assert 'not run, for a reason that is not allowed' in result.stdout
+    assert 'not today' in result.stdout
+    assert 'skipped' not in result.stdout.splitlines()[-1]
+    assert 'xfailed' not in result.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize('source', [
+    "pytest.skip('not today', allow_module_level=True)\n",
+    "pytest.importorskip('no_such_middleware')\n",
+])
+def test_skipped_module_fails(run_pytest, source):
+    result = run_pytest(PASSES + source)
+    assert result.returncode != 0, result.stdout
+    assert 'not run, for a reason that is not allowed' in result.stdout
+
+
+MARKED = PASSES + '@pytest.mark.needs_launch\ndef test_it():\n    pass\n'
+
+
+def holds(value):
+    return ("\n_mark, _ = ALLOWED_SKIPS['launch is not installed']\n"
+            f"ALLOWED_SKIPS['launch is not installed'] = (_mark, lambda: {value})\n")
+
+
+def test_allowed_reason_skips_and_is_printed(run_pytest):
+    result = run_pytest(MARKED, conftest=holds(True))
+    assert result.returncode == 0, result.stdout
+    assert 'SKIPPED [1]' in result.stdout
+    assert 'launch is not installed' in result.stdout
+    assert '1 passed, 1 skipped' in result.stdout.splitlines()[-1]
+
+
+def test_what_is_not_missing_is_not_skipped(run_pytest):
+    result = run_pytest(MARKED, conftest=holds(False))
+    assert '2 passed' in result.stdout.splitlines()[-1]
+
+
+def test_allowed_reason_that_does_not_hold_fails(run_pytest):
+    source = PASSES + "def test_it():\n    pytest.skip('launch is not installed')\n"
+    result = run_pytest(source, conftest=holds(False))
+    assert result.returncode == 1
+    assert '1 failed, 1 passed' in result.stdout.splitlines()[-1]
+
+
+def test_run_of_allowed_skips_alone_fails(run_pytest):
+    source = 'import pytest\n@pytest.mark.needs_launch\ndef test_it():\n    pass\n'
+    result = run_pytest(source, conftest=holds(True))
+    assert result.returncode == pytest.ExitCode.USAGE_ERROR
+    assert 'no test passed' in result.stdout
+
+
+def test_folder_named_launch_is_not_launch(run_pytest, tmp_path):
+    (tmp_path / 'launch').mkdir()
+    source = ('import importlib.machinery\nimport sys\n'
+              'from conftest import launch_is_missing\n\n'
+              'def test_it(monkeypatch):\n'
+              f'    monkeypatch.setattr(sys, "path", [{str(tmp_path)!r}])\n'
+              '    launch_is_missing.cache_clear()\n'
+              '    assert launch_is_missing()\n')
+    result = run_pytest(source)
+    assert result.returncode == 0, result.stdout
+
+
+def test_test_that_hangs_is_ended(run_pytest):
+    source = PASSES + 'import time\n\ndef test_it():\n    time.sleep(60)\n'
+    result = run_pytest(source, conftest='\nLONGEST_TEST = 1\n')
+    assert result.returncode == 1
+    assert 'still running after 1 s' in result.stdout
+    assert '1 failed, 1 passed' in result.stdout.splitlines()[-1]
+
+
+def test_every_run_has_a_domain_of_its_own(run_pytest):
+    source = ('import os\n\ndef test_it():\n'
+              "    assert 1 <= int(os.environ['ROS_DOMAIN_ID']) <= 101\n"
+              f"    assert os.environ['ROS_DOMAIN_ID'] != '{os.environ['ROS_DOMAIN_ID']}'\n"
+              "    assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'\n")
+    result = run_pytest(source)
+    assert result.returncode == 0, result.stdout
