@@ -8,7 +8,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import NoReturn
@@ -91,6 +92,15 @@ def _parser() -> argparse.ArgumentParser:
     demo = subparsers.add_parser('demo', help='failures and recovery live, with the ROS nodes')
     demo.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
     demo.set_defaults(run=_demo)
+
+    inject = subparsers.add_parser('inject', help='break or mend the running simulated mirror')
+    inject.add_argument(
+        'words', nargs='+', metavar='WORD', help='as for the topic: stuck theta_4, ok all'
+    )
+    inject.set_defaults(run=_inject)
+
+    clear = subparsers.add_parser('clear', help='let the running controller release failures')
+    clear.set_defaults(run=_clear)
     return parser
 
 
@@ -172,8 +182,28 @@ def _values(pairs: Sequence[tuple[str, float]]) -> dict[str, float]:
 
 
 def _demo(chosen: argparse.Namespace) -> int:
-    try:
+    with _needing_rclpy():
         from fault_tolerance.nodes.demonstration import demonstrate
-    except ImportError as error:
-        raise FaultToleranceError(f'the demonstration needs rclpy: {error}') from None
     return demonstrate(Path(chosen.output))
+
+
+def _inject(chosen: argparse.Namespace) -> int:
+    with _needing_rclpy():
+        from fault_tolerance.nodes.hand import inject
+    print(inject(' '.join(chosen.words)))
+    return 0
+
+
+def _clear(_: argparse.Namespace) -> int:
+    with _needing_rclpy():
+        from fault_tolerance.nodes.hand import clear
+    print(clear())
+    return 0
+
+
+@contextmanager
+def _needing_rclpy() -> Iterator[None]:
+    try:
+        yield
+    except ImportError as error:
+        raise FaultToleranceError(f'this command needs rclpy: {error}') from None

@@ -65,7 +65,7 @@ class Operator(Node):
     def __init__(self) -> None:
         super().__init__('operator')
         self.errors, self.references, self.efforts = Notes(), Notes(), Notes()
-        self.state = ''
+        self.state = self.answer = ''
         self.metrics: dict[str, float] = {}
         self._last = 0.0
         self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
@@ -91,10 +91,19 @@ class Operator(Node):
             self.state
             and len(self.errors)
             and len(self.efforts)
-            and self._faults.get_subscription_count()
-            and self._clear.service_is_ready()
-            and self._pause.service_is_ready()
+            and self.simulator_listens
+            and self.controller_listens
         )
+
+    @property
+    def simulator_listens(self) -> bool:
+        """Whether faults can be injected."""
+        return bool(self._faults.get_subscription_count())
+
+    @property
+    def controller_listens(self) -> bool:
+        """Whether failures can be cleared and motion paused."""
+        return bool(self._clear.service_is_ready() and self._pause.service_is_ready())
 
     @property
     def now(self) -> float:
@@ -108,7 +117,13 @@ class Operator(Node):
     def clear(self) -> Callable[[], bool]:
         """Ask the controller to release the failures; the result tells whether it answered."""
         future = self._clear.call_async(Trigger.Request())
-        return lambda: bool(future.done())
+
+        def answered() -> bool:
+            if future.done():
+                self.answer = future.result().message
+            return bool(future.done())
+
+        return answered
 
     def pause(self, paused: bool) -> Callable[[], bool]:
         """Ask the controller to hold, or to go on; the result tells whether it answered."""
