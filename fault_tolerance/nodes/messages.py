@@ -82,7 +82,9 @@ def pose_to_msg(stamp: Time, frame: str, pose: FloatArray) -> PoseStamped:
     message = PoseStamped(header=Header(stamp=stamp, frame_id=frame))
     position, turn = message.pose.position, message.pose.orientation
     position.x, position.y, position.z = pose[:3, 3].tolist()
-    turn.x, turn.y, turn.z, turn.w = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    # scipy 1.11 does not take a read-only array.
+    turned = Rotation.from_matrix(pose[:3, :3].copy())
+    turn.x, turn.y, turn.z, turn.w = turned.as_quat().tolist()
     return message
 
 
