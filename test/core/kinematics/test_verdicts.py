@@ -5,13 +5,13 @@
 import numpy as np
 import pytest
 from core import cases
-from core.mechanisms import hexapod, made
+from core.mechanisms import DOCUMENTS, hexapod, made, scaled
 from scipy.spatial.transform import Rotation
 
 from fault_tolerance.kinematics.failures import Failure, FailureMode
 from fault_tolerance.kinematics.measures import next_failure, present_measures
 from fault_tolerance.kinematics.reconfiguration import failures_in_words
-from fault_tolerance.mechanism.configuration import home_configuration
+from fault_tolerance.mechanism.configuration import home_configuration, solved_configuration
 
 
 def verdict(name, *failures):
@@ -122,6 +122,31 @@ def test_at_a_singularity_of_the_platform():
     assert state.present.mobility == 5 and state.present.unactuated.shape == (6, 1)
     assert not state.verdict.tolerable
     assert np.isfinite(state.present.jacobian).all()
+
+
+@pytest.mark.parametrize('size', [1e-6, 1e-3, 100.0])
+@pytest.mark.parametrize('name', [name for name in DOCUMENTS if name in cases.RIGID])
+def test_the_size_of_the_machine_does_not_matter(name, size):
+    """From micrometres to a hundred metres, straight and rotary drives, home and away."""
+    document = DOCUMENTS[name]()
+    plain, other = made(document), made(scaled(document, size))
+    kinds = {drive.name: drive.kind for drive in plain.actuators}
+    moves = {
+        actuator: value * (size if kinds[actuator] == 'prismatic' else 1.0)
+        for actuator, value in cases.moves(name).items()
+    }
+    pairs = [
+        (cases.home(name), home_configuration(other)),
+        (cases.away(name), solved_configuration(other, moves)),
+    ]
+    for first, second in pairs:
+        for failures in cases.failure_lists(plain, most=5):
+            one, two = cases.state(first, failures), cases.state(second, failures)
+            assert one.verdict.mobility == two.verdict.mobility, failures
+            assert one.verdict.tolerable == two.verdict.tolerable, failures
+            assert one.verdict.drifting == two.verdict.drifting, failures
+            if one.verdict.stable:
+                assert one.verdict == two.verdict, failures
 
 
 def test_no_strut_holds_more_than_there_is():

@@ -28,6 +28,17 @@ def test_exact_readings_are_met(name):
     assert found.largest_misfit <= 1e-6 * length
 
 
+@pytest.mark.parametrize(
+    ('name', 'size'),
+    [('gough_stewart_6', 1.0), ('rooted_hexapod', 1.5), ('bennett', 1.5), ('serial_7r', 1.5)])
+def test_readings_far_from_the_start_are_reached(name, size):
+    """Steps are kept short: whole ones would lead to another assembly, or nowhere."""
+    exact = solved_configuration(cases.named(name), cases.moves(name, size))
+    found = fitted_configuration(exact.mechanism, exact.actuator_values)
+    assert found.converged
+    np.testing.assert_allclose(found.pose, exact.pose, atol=1e-6)
+
+
 @pytest.mark.parametrize('name', REDUNDANT)
 def test_noisy_readings_are_fitted_by_least_squares(name):
     """The misfit is at right angles to everything the actuators can do together."""
