@@ -26,7 +26,8 @@ class Settings:
     report_timeout : float
         Seconds for which a failure counts as still reported.
     tolerance_threshold : float
-        A measure of the present failures below it means that they are not tolerated.
+        A measure of the present failures below it means that they are not tolerated. Measures
+        depend on units where drives mix radians and metres, so it is small.
     auto_clear : bool
         Whether a report that a part is healthy releases its failure.
     unknown_mode : {'stop', 'ignore'}
@@ -45,7 +46,7 @@ class Settings:
     joint_state_timeout: float = 0.1
     command_timeout: float = 0.1
     report_timeout: float = 3.0
-    tolerance_threshold: float = 1e-3
+    tolerance_threshold: float = 1e-4
     auto_clear: bool = False
     unknown_mode: UnknownMode = 'stop'
     recovery: bool = True

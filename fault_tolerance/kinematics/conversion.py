@@ -79,7 +79,8 @@ def convert(
     Raises
     ------
     FailureError
-        If it has not failed, or no brake or release makes that of its failure.
+        If no brake or release makes that of its failure. Whether the part has one is not asked
+        here: the description of the mechanism says, and `best_conversion` keeps to it.
     """
     if name not in mechanism.actuator_names:
         raise FailureError(name, 'not an actuator', mechanism.actuator_names)

@@ -60,12 +60,10 @@ def test_table_1_as_printed():
     assert round(next_failure(four()).position[3], 5) == 0.57735
 
 
-@pytest.mark.parametrize('name', TABLE_I)
-def test_hard_measures_do_not_depend_on_the_length_of_the_struts(name):
-    """Nor do the others; real mirrors of all-linear drives have the paper's values too."""
+@pytest.mark.parametrize('name', ['fsm_3_strut', 'fsm_4_strut'])
+def test_mirrors_of_a_real_size_have_the_same_measures(name):
+    """Neither radius nor length matters while all drives are of one kind."""
     real = mechanism_named(name.replace('fsm', 'mirror'))
-    if len({drive.kind for drive in real.actuators}) > 1:
-        return  # radians and metres in one T: its measures go by the unit
     found = next_failure(cases.state(home_configuration(real)))
     for measured, expected in zip(
         (found.position, found.torque, found.hard), TABLE_I[name], strict=True

@@ -58,14 +58,6 @@ def test_adds_rank_names_the_first_of_dependent_rows():
     assert adds_rank(np.zeros((0, 3))) == ()
 
 
-@pytest.mark.parametrize('seed', range(20))
-def test_adds_rank_where_rows_are_nearly_alike(seed):
-    """The second differs by little: what is left of it must not be taken for its direction."""
-    first, other = np.random.default_rng(seed).normal(size=(2, 6))
-    rows = np.array([first, first + 1e-8 * other, first + other])
-    assert adds_rank(rows) == (True, True, False)
-
-
 def test_ranks_by_a_yardstick():
     sigma = np.array([1e-3, 1e-8])
     assert rank_of(sigma) == 2

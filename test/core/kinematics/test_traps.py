@@ -309,4 +309,3 @@ def test_one_drive_only(failure, stable, word):
     state = cases.state(cases.home('one_drive'), [failure])
     assert (state.verdict.stable, state.verdict.tolerable) == (stable, False)
     assert state.verdict.reason.startswith(word), state.verdict.reason
-    assert state.verdict.lost == (('wx',) if failure[1] != 'flap' else state.verdict.lost)

@@ -109,7 +109,6 @@ def test_near_a_singularity_of_the_platform(offset):
     state = cases.state(home_configuration(turned_hexapod(np.pi / 2 - offset)))
     assert state.verdict.stable and state.verdict.tolerable
     sizes = np.linalg.svd(state.present.jacobian, compute_uv=False)
-    assert sizes[0] * offset == pytest.approx(sizes[0] * offset, rel=0.1)
     assert 0.01 < sizes[0] / sizes[-1] * offset < 100.0
     for measure in (present_measures(state).position, present_measures(state).torque):
         assert measure == 1.0

@@ -267,35 +267,36 @@ MERGE_BOMB = 'a: &a {x: 1}\n' + ''.join(
 )
 
 
+TEXTS = [
+    ('', 'is empty, expected keys and values'),
+    ('just words', "is 'just words', expected keys and values"),
+    ('- a\n- b', 'is a list of 2, expected keys and values'),
+    ('mechanism: [', 'is not YAML: line 1: '),
+    ('a:\n\t- b', "is not YAML: line 2: found character '\\t'"),
+    ('a: 1\n---\nb: 2', 'is not YAML: line 2: but found another document'),
+    ('mechanism: a\nmechanism: b', "is not YAML: line 2: the key 'mechanism' is given twice"),
+    ('task: {a: 1, b: 2, a: 3}', "is not YAML: line 1: the key 'a' is given twice"),
+    ('? [a, b]\n: c', 'is not YAML: line 1: found unhashable key'),
+    ('? {a: b}\n: c', 'is not YAML: line 1: found unhashable key'),
+    ('a: *nothing', "is not YAML: line 1: found undefined alias 'nothing'"),
+    ('!!python/object/apply:os.getcwd []', 'is not YAML: line 1: could not determine a cons'),
+    ('mechanism: !!python/name:os.system', 'is not YAML: line 1: could not determine a cons'),
+    ('mechanism: 2026-13-45', 'is not YAML: month must be in 1..12'),
+    ('mechanism: 2026-01-01', 'mechanism: is datetime.date(2026, 1, 1), expected a name'),
+    ('mechanism: a\x00b', 'is not YAML: unacceptable character #x0000'),
+    ('[' * 3000, 'is not YAML: nested too deeply'),
+    ('&a\nmechanism: x\nself: *a', 'task: is missing'),
+    ('a: &a {<<: *a}', 'mechanism: is missing'),
+    (BOMB, 'mechanism: is missing'),
+    (BOMB + 'mechanism: *k', 'mechanism: is a list of 9, expected a name'),
+    (MERGE_BOMB, 'mechanism: is missing'),
+    (MERGE_BOMB + 'mechanism: *k', 'mechanism: is a mapping, expected a name'),
+    ('~: 1\nmechanism: x', 'task: is missing'),
+]
+
+
 @pytest.mark.parametrize(
-    ('text', 'message'),
-    [
-        ('', 'is empty, expected keys and values'),
-        ('just words', "is 'just words', expected keys and values"),
-        ('- a\n- b', 'is a list of 2, expected keys and values'),
-        ('mechanism: [', 'is not YAML: line 1: '),
-        ('a:\n\t- b', "is not YAML: line 2: found character '\\t'"),
-        ('a: 1\n---\nb: 2', 'is not YAML: line 2: but found another document'),
-        ('mechanism: a\nmechanism: b', "is not YAML: line 2: the key 'mechanism' is given twice"),
-        ('task: {a: 1, b: 2, a: 3}', "is not YAML: line 1: the key 'a' is given twice"),
-        ('? [a, b]\n: c', 'is not YAML: line 1: found unhashable key'),
-        ('? {a: b}\n: c', 'is not YAML: line 1: found unhashable key'),
-        ('a: *nothing', "is not YAML: line 1: found undefined alias 'nothing'"),
-        ('!!python/object/apply:os.getcwd []', 'is not YAML: line 1: could not determine a cons'),
-        ('mechanism: !!python/name:os.system', 'is not YAML: line 1: could not determine a cons'),
-        ('mechanism: 2026-13-45', 'is not YAML: month must be in 1..12'),
-        ('mechanism: 2026-01-01', 'mechanism: is datetime.date(2026, 1, 1), expected a name'),
-        ('mechanism: a\x00b', 'is not YAML: unacceptable character #x0000'),
-        ('[' * 3000, 'is not YAML: nested too deeply'),
-        ('&a\nmechanism: x\nself: *a', 'task: is missing'),
-        ('a: &a {<<: *a}', 'mechanism: is missing'),
-        (BOMB, 'mechanism: is missing'),
-        (BOMB + 'mechanism: *k', 'mechanism: is a list of 9, expected a name'),
-        (MERGE_BOMB, 'mechanism: is missing'),
-        (MERGE_BOMB + 'mechanism: *k', 'mechanism: is a mapping, expected a name'),
-        ('~: 1\nmechanism: x', 'task: is missing'),
-    ],
-)
+    ('text', 'message'), TEXTS, ids=[message[:40] for _, message in TEXTS])
 def test_texts_that_are_no_mechanism(text, message):
     assert message_of(text).startswith(message)
 
