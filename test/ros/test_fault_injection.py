@@ -16,7 +16,8 @@ STRUTS = [f'strut_{number}' for number in range(1, 5)]
 class Bench:
     """A simulator alone, and what it reports."""
 
-    def __init__(self, probe: Probe, process, namespace: str = '') -> None:
+    def __init__(self, probe: Probe, process) -> None:
+        self.namespace = probe.node.get_namespace().strip('/')
         self.probe = probe
         self.process = process
         self.joint_states = probe.joint_states()
@@ -33,23 +34,27 @@ class Bench:
         self.faults.publish(String(data=words))
 
     @property
-    def reports(self) -> dict[str, str]:
-        """The newest mode reported, by hardware id."""
-        return {
-            status.hardware_id: values_of(status)['failure_mode']
+    def statuses(self) -> list[DiagnosticStatus]:
+        """Everything this simulator has told of, the newest last."""
+        return [
+            status
             for message in self.diagnostics
             for status in message.status
-            if status.name.startswith('fsm: ') and 'failure_mode' in values_of(status)
+            if status.hardware_id.rpartition('/')[0] == self.namespace
+        ]
+
+    @property
+    def reports(self) -> dict[str, str]:
+        """The newest mode reported of each part."""
+        return {
+            status.hardware_id.rpartition('/')[2]: values_of(status)['failure_mode']
+            for status in self.statuses
+            if 'failure_mode' in values_of(status)
         }
 
     @property
     def health(self) -> DiagnosticStatus | None:
-        mine = [
-            status
-            for message in self.diagnostics
-            for status in message.status
-            if status.name == 'fsm: simulator'
-        ]
+        mine = [status for status in self.statuses if status.name == 'fsm: simulator']
         return mine[-1] if mine else None
 
     def wait_for_reports(self, **modes: str) -> None:
@@ -208,7 +213,10 @@ def test_parameters_show_what_was_broken_by_topic(bench):
 
 def test_what_is_broken_from_the_start_is_reported_behind_the_namespace(start, another):
     bench = Bench(another, start('fsm_simulator', 'another', **{'faults.theta_1': 'stuck'}))
-    bench.wait_for_reports(**{'another/theta_1': 'position'})
+    bench.wait_for_reports(theta_1='position')
+    another.wait(lambda: bench.health, 'the health of the simulator')
+    ids = {status.hardware_id for one in bench.diagnostics for status in one.status}
+    assert {'another/theta_1', 'another/fsm'} <= ids
 
 
 def test_injection_can_be_switched_off(start, another):
@@ -240,6 +248,11 @@ def test_a_lost_strut_keeps_its_position_with_velocity_zero(bench):
 
 def test_commands_move_the_actuators_and_bad_ones_do_not(bench):
     rates = [0.01, -0.01, -0.01, 0.01]
+
+    def rests():
+        return max(map(abs, bench.joint_states[-1].velocity)) < 1e-3
+
+    bench.probe.wait(rests, 'the plant to come to rest')
     for data in ([0.01], [float('nan'), 0.0, 0.0, 0.0], []):
         bench.commands.publish(Float64MultiArray(data=data))
     bench.probe.wait(
@@ -247,13 +260,11 @@ def test_commands_move_the_actuators_and_bad_ones_do_not(bench):
         and {'rejected_length', 'rejected_not_finite'} <= values_of(bench.health).keys(),
         'counters',
     )
-    assert max(map(abs, bench.joint_states[-1].velocity)) < 1e-3
+    assert rests()
 
     def follows():
         bench.commands.publish(Float64MultiArray(data=rates))
         return list(bench.next_joint_state().velocity) == pytest.approx(rates, rel=0.1)
 
     bench.probe.wait(follows, 'the commanded velocity')
-    bench.probe.wait(
-        lambda: max(map(abs, bench.joint_states[-1].velocity)) < 1e-3, 'the plant to stop'
-    )
+    bench.probe.wait(rests, 'the plant to stop')
