@@ -19,7 +19,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
 
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.recovery import State
@@ -29,10 +28,12 @@ from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.commanding import CommandPublisher
 from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
 from fault_tolerance.nodes.inputs import InputReader
+from fault_tolerance.nodes.messages import decimal
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
 from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.publishing import MetricsPublisher
 from fault_tolerance.nodes.report_reader import ReportReader
+from fault_tolerance.nodes.services import OperatorServices
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
 
@@ -78,8 +79,7 @@ class Controller(Node):
         self.create_subscription(
             DiagnosticArray, values['diagnostics_topic'], self._on_diagnostics, 100, raw=True
         )
-        self.create_service(Trigger, '~/clear_failures', self._on_clear)
-        self.create_service(SetBool, '~/pause', self._on_pause)
+        self._services = OperatorServices(self, self._supervisor, self._line, self._on_operated)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         self.create_timer(METRICS_PERIOD, self._publish_metrics, clock=steady)
@@ -158,8 +158,10 @@ class Controller(Node):
         self._publish_metrics()
 
     def _publish_metrics(self) -> None:
+        residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
+        further = {'residual': residual, 'report_stamp': self._report_stamp}
         stamp = self.get_clock().now().to_msg()
-        self._metrics.publish(stamp, self._supervisor.metrics(), self._report_stamp)
+        self._metrics.publish(stamp, self._supervisor.metrics(), further)
 
     def _present(self) -> tuple[int, str]:
         """Return level and text of the node's own status."""
@@ -175,18 +177,9 @@ class Controller(Node):
         self._health.warn_once('waiting', text)
         return WARN, text
 
-    def _on_clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _on_operated(self) -> None:
         self._reader.forget_repeats()
-        outcome = self._supervisor.clear(self._line.now())
         self._cycle()
-        response.success, response.message = outcome.success, outcome.message
-        return response
-
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._supervisor.pause(request.data, self._line.now())
-        self._cycle()
-        response.success, response.message = True, self._supervisor.output.state.value
-        return response
 
 
 def _settings(values: dict[str, Any]) -> Settings:

@@ -74,17 +74,9 @@ class MetricsPublisher:
         """Publish the state, for those as well who come later."""
         self._state.publish(String(data=state))
 
-    def publish(self, stamp: Time, metrics: Metrics, report_stamp: str) -> None:
-        """Publish the metrics in every form.
-
-        Parameters
-        ----------
-        stamp : Time
-        metrics : Metrics
-        report_stamp : str
-            The stamp that the report which caused the last change bore itself.
-        """
-        self._all.publish(self._diagnostics(stamp, metrics, report_stamp))
+    def publish(self, stamp: Time, metrics: Metrics, further: Mapping[str, str]) -> None:
+        """Publish the metrics in every form, with ``further`` values of the mechanism."""
+        self._all.publish(self._diagnostics(stamp, metrics, further))
         for name, publisher in self._scalars.items():
             if name == 'active_failures':
                 value = float(len(metrics.failures))
@@ -97,12 +89,14 @@ class MetricsPublisher:
             values = {part.name: float(getattr(part, mode) or 0.0) for part in parts}
             publisher.publish(labelled_array_to_msg(values))
 
-    def _diagnostics(self, stamp: Time, metrics: Metrics, report_stamp: str) -> DiagnosticArray:
+    def _diagnostics(
+        self, stamp: Time, metrics: Metrics, further: Mapping[str, str]
+    ) -> DiagnosticArray:
         """Return a status for the mechanism, for every actuator and for every strut."""
         statuses = [
             status_to_msg(
                 'fault_tolerance: mechanism', f'{self._prefix}{self._name}',
-                metrics.level, metrics.message, _mechanism_values(metrics, report_stamp),
+                metrics.level, metrics.message, {**_mechanism_values(metrics), **further},
             )
         ]
         parts: tuple[ActuatorMetrics | StrutMetrics, ...] = (*metrics.actuators, *metrics.struts)
@@ -118,7 +112,7 @@ class MetricsPublisher:
         return diagnostics_to_msg(stamp, statuses)
 
 
-def _mechanism_values(metrics: Metrics, report_stamp: str) -> Mapping[str, str]:
+def _mechanism_values(metrics: Metrics) -> Mapping[str, str]:
     return {
         'state': metrics.state,
         'failures': ', '.join(metrics.failures),
@@ -128,7 +122,6 @@ def _mechanism_values(metrics: Metrics, report_stamp: str) -> Mapping[str, str]:
         **{key: decimal(getattr(metrics, key)) for key in _DECIMALS},
         'saturation': ', '.join(metrics.saturation),
         'recovery_time_us': decimal(1e6 * metrics.recovery_time),
-        'report_stamp': report_stamp,
         'worst_next': f'{metrics.worst_next} {decimal(metrics.worst_next_measure)}'.strip(),
     }
 

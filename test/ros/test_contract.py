@@ -61,6 +61,22 @@ def namespace(request):
     return request.param
 
 
+def is_known(node, root):
+    """Tell whether discovery is complete; an end point may come before the name of its node."""
+    publishers = [node.get_publishers_info_by_topic(root + topic) for topic in PUBLISHED]
+    subscriptions = [node.get_subscriptions_info_by_topic(root + topic) for topic in SUBSCRIBED]
+    diagnostics = node.get_publishers_info_by_topic('/diagnostics')
+    listeners = node.get_subscriptions_info_by_topic('/diagnostics')
+    groups = [*publishers, *subscriptions, diagnostics, listeners]
+    services = dict(node.get_service_names_and_types())
+    return (
+        all(groups)
+        and len({info.node_name for info in diagnostics}) == 3
+        and all('UNKNOWN' not in info.node_name for group in groups for info in group)
+        and all(root + service in services for service in SERVICES)
+    )
+
+
 @pytest.fixture(scope='module')
 def running(start_for_module, ros, namespace):
     """All three nodes of the demonstration, and a probe that has heard of them."""
@@ -70,10 +86,7 @@ def running(start_for_module, ros, namespace):
     ]
     probe = Probe(namespace)
     root = f'/{namespace}/' if namespace else '/'
-    probe.wait(
-        lambda: all(probe.node.count_publishers(root + topic) for topic in PUBLISHED),
-        'every topic',
-    )
+    probe.wait(lambda: is_known(probe.node, root), 'every end point and its node')
     probe.wait_for_state('nominal')
     probe.wait(lambda: probe.metrics and len(probe.commands) > 10, 'metrics and commands')
     yield probe
@@ -116,7 +129,7 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'state', 'failures', 'mobility', 'lost', 'gained', 'retained_manipulability',
         'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
-        'report_stamp',
+        'report_stamp', 'residual',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]

@@ -214,6 +214,13 @@ def test_what_the_platform_will_really_do_is_published(asking, probe):
     assert (twist.angular.x, twist.angular.y) == pytest.approx((0.01, 0.02), abs=1e-6)
     assert twist.linear.z == pytest.approx(-0.0141421, abs=1e-5)
 
+    def told():
+        asking.step()
+        residual = [float(number) for number in probe.mechanism['residual'].split(', ')]
+        return residual == pytest.approx([0.0, 0.0, 0.0141421], abs=1e-5)
+
+    probe.wait(lambda: probe.metrics and told(), 'what is missing, in the metrics')
+
 
 def test_a_level_of_two_typed_without_brackets_is_applied_with_a_warning(
     asking, probe, controller
