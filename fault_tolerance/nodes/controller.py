@@ -79,7 +79,7 @@ class Controller(Node):
         self.create_subscription(
             DiagnosticArray, values['diagnostics_topic'], self._on_diagnostics, 100, raw=True
         )
-        self._services = OperatorServices(self, self._supervisor, self._line, self._on_operated)
+        self._operating = OperatorServices(self, self._supervisor, self._line, self._on_operated)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         self.create_timer(METRICS_PERIOD, self._publish_metrics, clock=steady)

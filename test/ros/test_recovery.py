@@ -13,8 +13,8 @@ from node_rig import NodeProcess, Probe, rms
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
-ROUNDS = 2
-PERIODS = 3
+ROUNDS = 3
+PERIODS = 2
 SETTLING = 1.0
 
 
