@@ -86,7 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     check = subparsers.add_parser('check', help='examine a mechanism (file), and draw it')
     _add_state(check)
     check.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
-    _add_forms(check, 'json')
+    _add_forms(check, 'json', 'csv')
     check.set_defaults(run=_check)
 
     demo = subparsers.add_parser('demo', help='failures and recovery live, with the ROS nodes')

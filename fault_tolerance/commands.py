@@ -78,8 +78,25 @@ def check(
         draw(configuration, state, picture)
     if form == 'json':
         _print_json(report)
+    elif form == 'csv':
+        _print_csv([('key', 'value'), *flattened(report)])
     else:
         _print_text(check_table(report))
+
+
+def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
+    """Return the leaves of JSON data with their dotted paths, places in lists counted from 0."""
+    if isinstance(content, Mapping):
+        items: Iterable[tuple[Any, Any]] = content.items()
+    elif isinstance(content, list):
+        items = enumerate(content)
+    else:
+        return [(path, '' if content is None else content)]
+    return [
+        leaf
+        for key, value in items
+        for leaf in flattened(value, f'{path}.{key}' if path else str(key))
+    ]
 
 
 def draw(configuration: Configuration, state: PostFailure, picture: Path) -> None:

@@ -18,6 +18,9 @@ from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import adds_rank, rank
 from fault_tolerance.mechanism.task import COORDINATES, Task
 
+# Smaller shares of an unactuated motion are rounding errors.
+_NOTABLE = 1e-6
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -149,7 +152,7 @@ def _drifting(present: DifferentialKinematics, rows: StrutRows) -> tuple[str, ..
         return ()
     scaled = present.unactuated * rows.twist_scale[:, None]
     share = np.linalg.norm(scaled, axis=1)
-    notable = share > 1e-6 * share.max()
+    notable = share > _NOTABLE * share.max()
     names = _twist_names(rows)
     return tuple(name for name, moves in zip(names, notable, strict=True) if moves)
 

@@ -24,6 +24,9 @@ from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLER
 _STRIDE = 0.1
 _MOST_STRIDES = 50
 
+FARTHEST = 1e6
+"""Radians or metres from home; beyond, a number is a mistake."""
+
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
@@ -123,6 +126,9 @@ def solved_configuration(
             raise MechanismError(mechanism.name, 'at', reason)
         if not isfinite(value):
             raise MechanismError(mechanism.name, f'at.{name}', f'{value} is not finite')
+        if abs(value) > FARTHEST:
+            reason = f'{value} is farther than any joint goes ({FARTHEST:g})'
+            raise MechanismError(mechanism.name, f'at.{name}', reason)
         target[mechanism.actuator_index(name)] = value
     if not mechanism.struts:
         if given:

@@ -20,6 +20,7 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.failure_modes import mode_words
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
 
@@ -271,6 +272,10 @@ class Mechanism:
                 raise MechanismError(self.name, f'struts.{strut.name}', 'has no joint')
             for joint in strut.joints:
                 names.append((f'struts.{strut.name}.joints', joint.name))
+        for _, name in names:
+            _require_usable(self.name, name)
+        for actuator in self.actuators:
+            _require_usable(self.name, actuator.name)
         # A joint and the actuator that drives it may share a name: they are one thing.
         names += [
             ('actuators', actuator.name)
@@ -298,6 +303,19 @@ class Mechanism:
             if rows != expected:
                 reason = f'has {rows} rows, but there are {expected} {what}'
                 raise MechanismError(self.name, key, reason)
+
+
+_SEPARATORS = '/:=,;'
+_RESERVED = ('all', 'silent', *mode_words())
+
+
+def _require_usable(source: str, name: str) -> None:
+    """Refuse names that reports, the command line or fault commands would read otherwise."""
+    if any(mark in name for mark in _SEPARATORS) or len(name.split()) > 1:
+        reason = f'the name {name!r} must not contain a blank or any of {_SEPARATORS}'
+        raise MechanismError(source, 'name', reason)
+    if name.lower() in _RESERVED:
+        raise MechanismError(source, 'name', f'the name {name!r} is a word for faults')
 
 
 def check_names(source: str, names: Iterable[tuple[str, str]]) -> None:

@@ -45,16 +45,17 @@ class CommandPublisher:
 
     def send(self, output: Output) -> None:
         """Publish the command, in the units and signs of the drives."""
-        self._rates[:] = self._mechanism.rates_from_readings(output.rates)
+        # Adding zero turns the -0.0 of a resting drive with sign -1 into 0.0.
+        self._rates[:] = self._mechanism.rates_from_readings(output.rates) + 0.0
         self._commands.publish(self._message)
         if self._achieved.get_subscription_count():
             stamp = self._clock.now().to_msg()
             self._achieved.publish(twist_to_msg(stamp, self._base_frame, output.achieved))
 
-    def differs_from(self, output: Output) -> bool:
-        """Return whether the command of ``output`` is not the one sent last."""
-        rates = self._mechanism.rates_from_readings(output.rates)
-        return not np.array_equal(rates, self._rates)
+    @property
+    def moving(self) -> bool:
+        """Whether the command sent last moves anything."""
+        return bool(self._rates.any())
 
     def rest(self) -> None:
         """Publish zeros, and wait until they have arrived."""

@@ -132,10 +132,11 @@ class Controller(Node):
         self._ticked = now
         self._reader.renew()
         self._read_reports()
-        # With joint states coming there is nothing to do; without, the state may change.
+        # With joint states coming there is nothing to do; without, it may be time to stop. To
+        # set anything moving is not the business of a timer.
         if not self._stepped:
             output = self._supervisor.step(now)
-            if self._commands.differs_from(output):
+            if self._commands.moving and not output.rates.any():
                 self._commands.send(output)
             self._announce(output)
         self._stepped = False

@@ -10,6 +10,7 @@ from time import monotonic
 
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
+from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -65,12 +66,13 @@ class Operator(Node):
     def __init__(self) -> None:
         super().__init__('operator')
         self.errors, self.references, self.efforts = Notes(), Notes(), Notes()
-        self.state = self.answer = ''
+        self.state = self.answer = self.refusal = ''
         self.metrics: dict[str, float] = {}
         self._last = 0.0
         self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
         self._clear = self.create_client(Trigger, 'fault_tolerance/clear_failures')
         self._pause = self.create_client(SetBool, 'fault_tolerance/pause')
+        self.create_subscription(Log, '/rosout', self._take_log, 100)
         sensor = qos_profile_sensor_data
         for topic, notes in (('error', self.errors), ('reference', self.references)):
             self.create_subscription(
@@ -142,6 +144,11 @@ class Operator(Node):
             self.metrics[name] = message.data
 
         return take
+
+    def _take_log(self, message: Log) -> None:
+        # A topic has no answer, but the simulator says what it refuses.
+        if 'fault command refused' in message.msg:
+            self.refusal = message.msg
 
     def _take_state(self, message: String) -> None:
         self.state = message.data

@@ -26,12 +26,16 @@ def inject(words: str) -> str:
     Raises
     ------
     FaultToleranceError
-        If no simulator or no controller runs.
+        If the words are refused, or no simulator or no controller runs.
     """
 
     def act(operator: Operator, wait: Callable[[Callable[[], bool], str], None]) -> None:
         wait(lambda: operator.simulator_listens, 'the simulator')
         operator.inject(words)
+        echo = Deadline(_ECHO)
+        wait(lambda: echo.passed or bool(operator.refusal), 'the simulator')
+        if operator.refusal:
+            raise FaultToleranceError(operator.refusal)
 
     return _with_operator(act)
 

@@ -585,3 +585,26 @@ def test_interrupted(capsys, monkeypatch):
 
     monkeypatch.setattr('fault_tolerance.commands.table', interrupt)
     assert run(capsys, 'table') == (INTERRUPTED, '', '')
+
+
+def test_check_as_csv(capsys):
+    report = json.loads(run(capsys, 'check', 'fsm_4_strut', '--json')[1])
+    rows = records(run(capsys, 'check', 'fsm_4_strut', '--csv')[1])
+    values = {row['key']: row['value'] for row in rows}
+
+    assert values['mechanism'] == 'fsm_4_strut'
+    assert {key.partition('.')[0] for key in values} == {
+        key for key, value in report.items() if value not in ([], {})
+    }
+
+
+@pytest.mark.parametrize('value', ['1e300', '1e308', '-1e160'])
+def test_a_place_beyond_all_reach_is_one_line(value):
+    done = subprocess.run(
+        [sys.executable, '-m', 'fault_tolerance', 'measures', 'fsm_4_strut',
+         '--at', f'theta_1={value}'],
+        capture_output=True, text=True,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count('\n') == 1
+    assert 'farther than any joint goes' in done.stderr

@@ -21,6 +21,10 @@ def test_a_fault_is_injected_and_released(start):
     assert (broken.returncode, broken.stdout) == (0, 'degraded\n'), broken.stderr
     mended = command('inject', 'ok all')
     assert (mended.returncode, mended.stdout) == (0, 'degraded\n'), mended.stderr
+    for words in ('stuck theta_9', 'explode theta_1'):
+        refused = command('inject', *words.split())
+        assert (refused.returncode, refused.stdout) == (2, '')
+        assert 'fault command refused' in refused.stderr and 'theta_1' in refused.stderr + words
     released = command('clear')
     assert released.returncode == 0, released.stderr
     assert released.stdout == 'released theta_4 (position); now nominal\n'

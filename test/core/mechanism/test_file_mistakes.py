@@ -12,6 +12,7 @@ from core.mechanisms import by_numbers, hexapod
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.files import mechanism_from_file, mechanism_from_text
+from fault_tolerance.resources import share_directory
 
 
 def small() -> dict:
@@ -351,3 +352,24 @@ def test_files_that_cannot_be_used(tmp_path, make, message):
 def test_names_that_are_no_mechanism(name, message):
     with pytest.raises(MechanismError, match=message):
         mechanism_named(name)
+
+
+@pytest.mark.parametrize(
+    ('name', 'reason'),
+    [
+        ('a/b', 'must not contain'),
+        ('a:b', 'must not contain'),
+        ('a=b', 'must not contain'),
+        ('a,b', 'must not contain'),
+        ('two words', 'must not contain'),
+        ('all', 'is a word for faults'),
+        ('Silent', 'is a word for faults'),
+        ('stuck', 'is a word for faults'),
+    ],
+)
+def test_names_that_reports_and_fault_commands_would_misread_are_refused(name, reason):
+    path = share_directory() / 'config' / 'mechanisms' / 'fsm_3_strut.yaml'
+    for old in ('theta_1', 'strut_1'):
+        text = re.sub(rf'\b{old}\b', f"'{name}'", path.read_text())
+        with pytest.raises(MechanismError, match=reason):
+            mechanism_from_text(text, 'mine.yaml')
