@@ -66,6 +66,8 @@ class Metrics:
         Actuators at a limit.
     flexure_strain : float
         Metres.
+    misfit : float
+        By how much the redundant joint readings contradict each other at most, metres.
     recovery_time : float
         Seconds.
     worst_next : str
@@ -92,6 +94,7 @@ class Metrics:
     condition_number: float = 0.0
     saturation: tuple[str, ...] = ()
     flexure_strain: float = 0.0
+    misfit: float = 0.0
     recovery_time: float = 0.0
     worst_next: str = ''
     worst_next_measure: float = 0.0
@@ -138,6 +141,7 @@ def metrics_of(mechanism: Mechanism, output: Output, assessment: Assessment | No
         condition_number=present.condition_number,
         saturation=output.saturation,
         flexure_strain=output.configuration.flexure_strain if output.configuration else 0.0,
+        misfit=output.configuration.largest_misfit if output.configuration else 0.0,
         recovery_time=output.recovery_time,
         worst_next=str(following.worst) if following.worst else '',
         worst_next_measure=following.worst_measure,

@@ -42,6 +42,7 @@ _DECIMALS = (
     'smallest_singular_value',
     'condition_number',
     'flexure_strain',
+    'misfit',
 )
 
 

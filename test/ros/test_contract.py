@@ -129,7 +129,7 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'state', 'failures', 'mobility', 'lost', 'gained', 'retained_manipulability',
         'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
-        'report_stamp', 'residual',
+        'report_stamp', 'residual', 'misfit',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]

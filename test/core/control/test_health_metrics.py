@@ -197,3 +197,12 @@ def test_the_state_is_told_even_if_the_measures_fail(monkeypatch):
     require_plain(metrics)
     assert metrics.message == 'nominal: no failure; no measures: LinAlgError: no convergence'
     assert metrics.level == OK
+
+
+def test_readings_that_contradict_each_other_show_as_misfit():
+    supervisor = fed(FSM)
+    supervisor.joint_reading(np.array([4e-6, 0.0, 0.0, 0.0]), 0.01)
+    supervisor.step(0.01)
+
+    # One reading too many, off by 4 um: least squares leaves a quarter of it to each.
+    assert supervisor.metrics().misfit == pytest.approx(1e-6, rel=1e-3)
