@@ -10,8 +10,9 @@ from time import monotonic
 
 import numpy as np
 from geometry_msgs.msg import Vector3Stamped
-from rcl_interfaces.msg import Log
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
@@ -67,12 +68,12 @@ class Operator(Node):
         super().__init__('operator')
         self.errors, self.references, self.efforts = Notes(), Notes(), Notes()
         self.state = self.answer = self.refusal = ''
+        self._faults_by_name = AsyncParameterClient(self, 'fsm')
         self.metrics: dict[str, float] = {}
         self._last = 0.0
         self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
         self._clear = self.create_client(Trigger, 'fault_tolerance/clear_failures')
         self._pause = self.create_client(SetBool, 'fault_tolerance/pause')
-        self.create_subscription(Log, '/rosout', self._take_log, 100)
         sensor = qos_profile_sensor_data
         for topic, notes in (('error', self.errors), ('reference', self.references)):
             self.create_subscription(
@@ -116,6 +117,22 @@ class Operator(Node):
         """Break or mend something."""
         self._faults.publish(String(data=words))
 
+    def set_fault(self, name: str, words: str) -> Callable[[], bool]:
+        """Break or mend one part; the result tells whether the simulator answered.
+
+        A topic has no answer, a parameter has: what is refused stands in `refusal`.
+        """
+        parameter = Parameter(f'faults.{name}', value=words)
+        future = self._faults_by_name.set_parameters([parameter])
+
+        def answered() -> bool:
+            if future.done():
+                (result,) = future.result().results
+                self.refusal = '' if result.successful else f'{words} {name}: {result.reason}'
+            return bool(future.done())
+
+        return answered
+
     def clear(self) -> Callable[[], bool]:
         """Ask the controller to release the failures; the result tells whether it answered."""
         future = self._clear.call_async(Trigger.Request())
@@ -144,11 +161,6 @@ class Operator(Node):
             self.metrics[name] = message.data
 
         return take
-
-    def _take_log(self, message: Log) -> None:
-        # A topic has no answer, but the simulator says what it refuses.
-        if 'fault command refused' in message.msg:
-            self.refusal = message.msg
 
     def _take_state(self, message: String) -> None:
         self.state = message.data
