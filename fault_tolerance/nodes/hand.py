@@ -11,10 +11,10 @@ import rclpy
 from rclpy.executors import Executor
 from rclpy.signals import SignalHandlerOptions
 
-from fault_tolerance.errors import FailureError, FaultToleranceError
+from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.nodes.demo_operator import Deadline, Operator
 from fault_tolerance.nodes.spinning import make_executor
-from fault_tolerance.simulation.faults import EVERYTHING, FAULT_WORDS, SILENT
+from fault_tolerance.simulation.faults import EVERYTHING, SILENT, fault_words
 
 _PATIENCE = 10.0
 # Longer than the controller takes to act on what the simulator reports.
@@ -29,14 +29,14 @@ def inject(words: str) -> str:
     FaultToleranceError
         If the words are refused, or no simulator or no controller runs.
     """
-    ordered, name = _understood(words)
+    mode, name, silent = fault_words(words)
 
     def act(operator: Operator, wait: Callable[[Callable[[], bool], str], None]) -> None:
         wait(lambda: operator.simulator_listens, 'the simulator')
         if name == EVERYTHING:
             operator.inject(words)
             return
-        wait(operator.set_fault(name, ordered), 'an answer of the simulator')
+        wait(operator.set_fault(name, f'{SILENT} {mode}' if silent else mode), 'an answer of the simulator')
         if operator.refusal:
             raise FaultToleranceError(operator.refusal)
 
@@ -51,19 +51,6 @@ def clear() -> str:
         wait(operator.clear(), 'an answer of the controller')
 
     return _with_operator(act)
-
-
-def _understood(words: str) -> tuple[str, str]:
-    """Return mode (after ``silent`` if it is to be) and name, given in either order."""
-    given = words.split()
-    silent = [word for word in given if word.lower() == SILENT]
-    rest = [word for word in given if word.lower() != SILENT]
-    modes = [word for word in rest if word.lower() in FAULT_WORDS]
-    names = [word for word in rest if word.lower() not in FAULT_WORDS]
-    if (len(modes), len(names)) != (1, 1):
-        valid = ('[silent] MODE NAME', *FAULT_WORDS)
-        raise FailureError(words, 'not a fault command', valid)
-    return ' '.join([*silent[:1], *modes]), names[0]
 
 
 def _with_operator(

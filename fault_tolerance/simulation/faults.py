@@ -87,21 +87,38 @@ def fault_command(mechanism: Mechanism, text: str) -> FaultCommand:
         If the text does not follow the grammar, a word is unknown, or the mechanism has no such
         part; it lists the words that would do.
     """
+    mode, name, silent = fault_words(text, _names(mechanism))
+    return FaultCommand(mode, _targets(mechanism, mode, name), silent)
+
+
+def fault_words(text: str, names: tuple[str, ...] = ()) -> tuple[FaultMode, str, bool]:
+    """Return mode, name, and whether it is silent, of a fault command for any mechanism.
+
+    Parameters
+    ----------
+    text : str
+    names : tuple of str
+        Names that are known, for better errors; the name in ``text`` is not checked.
+
+    Raises
+    ------
+    FailureError
+        If the text does not follow the grammar; it lists the words that would do.
+    """
     words = text.split()
     silent = bool(words) and words[0].lower() == SILENT
     words = words[1:] if silent else words
     if len(words) != 2:
         expected = 'expected [silent] and two words, a mode and a name'
-        raise FailureError(_shortened(text), expected, (*FAULT_WORDS, *_names(mechanism)))
+        raise FailureError(_shortened(text), expected, (*FAULT_WORDS, *names))
     mode_word, name = words
     if mode_word.lower() not in FAULT_WORDS:
-        name_first = words[1].lower() in FAULT_WORDS or mode_word in _names(mechanism)
+        name_first = words[1].lower() in FAULT_WORDS or mode_word in names
         if name_first:
             name, mode_word = words
     if mode_word.lower() not in FAULT_WORDS:
         raise FailureError(_shortened(mode_word), 'unknown mode', tuple(FAULT_WORDS))
-    mode = FAULT_WORDS[mode_word.lower()]
-    return FaultCommand(mode, _targets(mechanism, mode, name), silent)
+    return FAULT_WORDS[mode_word.lower()], name, silent
 
 
 def _targets(mechanism: Mechanism, mode: FaultMode, name: str) -> tuple[str, ...]:
