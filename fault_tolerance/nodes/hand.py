@@ -36,7 +36,8 @@ def inject(words: str) -> str:
         if name == EVERYTHING:
             operator.inject(words)
             return
-        wait(operator.set_fault(name, f'{SILENT} {mode}' if silent else mode), 'an answer of the simulator')
+        order = f'{SILENT} {mode}' if silent else mode
+        wait(operator.set_fault(name, order), 'an answer of the simulator')
         if operator.refusal:
             raise FaultToleranceError(operator.refusal)
 
