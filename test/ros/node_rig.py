@@ -17,12 +17,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import TwistStamped, Vector3Stamped
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool, Trigger
@@ -127,6 +129,10 @@ class Probe:
         while time.monotonic() < deadline:
             self._executor.spin_once(timeout_sec=0.02)
 
+    def listen(self, patience: float) -> None:
+        """Spin until something happens, or ``patience`` seconds are over."""
+        self._executor.spin_once(timeout_sec=patience)
+
     def call(self, kind: type, service: str, request: Any) -> Any:
         """Return the answer of a service."""
         client = self.node.create_client(kind, service)
@@ -178,6 +184,59 @@ class Probe:
         """Return a string parameter."""
         request = GetParameters.Request(names=[name])
         return self.call(GetParameters, f'{node}/get_parameters', request).values[0].string_value
+
+
+class LockstepClock:
+    """Simulated time that takes its next step when the last one has been answered.
+
+    Parameters
+    ----------
+    probe : Probe
+    answers : tuple of list
+        What every step adds a message to, once all nodes run; the probe listens to them.
+    period : float
+        Seconds a step.
+    """
+
+    PATIENCE = 0.5
+    """Seconds for an answer; sensor data may get lost, and time must go on."""
+
+    def __init__(
+        self, probe: Probe, answers: tuple[list[Any], ...], period: float = 0.01
+    ) -> None:
+        self._probe = probe
+        self._answers = answers
+        self._period = round(1e9 * period)
+        self._now = 0
+        self._publisher = probe.node.create_publisher(Clock, '/clock', 10)
+
+    def step(self) -> None:
+        """Let one period pass."""
+        self._now += self._period
+        before = [len(messages) for messages in self._answers]
+        self._publisher.publish(
+            Clock(clock=Time(sec=self._now // 10**9, nanosec=self._now % 10**9))
+        )
+        deadline = time.monotonic() + self.PATIENCE
+        while time.monotonic() < deadline and any(
+            len(messages) == count for messages, count in zip(self._answers, before, strict=True)
+        ):
+            self._probe.listen(0.02)
+
+    def run(self, duration: float) -> None:
+        """Let ``duration`` seconds pass."""
+        for _ in range(round(1e9 * duration / self._period)):
+            self.step()
+
+    def run_until(self, condition: Callable[[], object], what: str) -> None:
+        """Let time pass until ``condition`` holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, f'waited {PATIENCE:g} s in vain for {what}'
+            self.step()
+
+    def close(self) -> None:
+        self._probe.node.destroy_publisher(self._publisher)
 
 
 class Plant:

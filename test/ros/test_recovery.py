@@ -1,6 +1,11 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
-"""The purpose of it all, over DDS: with a stuck strut the mirror goes on pointing."""
+"""The purpose of it all, over DDS: with a stuck strut the mirror goes on pointing.
+
+How well is measured in simulated time, which goes on when everybody has answered. Nodes, processes
+and what is between them are the real ones, but how busy the machine is does not show in the
+pointing error: there, 1 ms of delay is worth 5 microradians.
+"""
 
 from __future__ import annotations
 
@@ -8,82 +13,78 @@ import time
 from statistics import median
 
 import pytest
-from geometry_msgs.msg import Vector3Stamped
-from node_rig import NodeProcess, Probe, rms
+from geometry_msgs.msg import TwistStamped, Vector3Stamped
+from node_rig import LockstepClock, Probe, rms
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
-ROUNDS = 3
-PERIODS = 2
+PERIODS = 5
 SETTLING = 1.0
 
 
 class Scan:
-    """A mirror that draws circles, and how far it is from where it should point."""
+    """A mirror that draws circles of 1 mrad at 1 Hz, and how far it is from them."""
 
     def __init__(self, probe: Probe, start, recovery: bool) -> None:
         self.probe = probe
-        start('fsm_simulator')
-        self.controller: NodeProcess = start('controller', recovery=recovery)
-        start('pointing_reference')
+        self._processes = [
+            start('fsm_simulator', use_sim_time=True),
+            start('pointing_reference', use_sim_time=True),
+            # These two count in real time, in which nothing is to happen here.
+            start('controller', use_sim_time=True, recovery=recovery,
+                  joint_state_timeout=30.0, command_timeout=30.0),
+        ]
         self.errors = probe.heard(Vector3Stamped, 'pointing/error', qos_profile_sensor_data)
         self.joint_states = probe.joint_states()
+        velocities = probe.heard(TwistStamped, 'fault_tolerance/task_velocity')
+        self._clock = LockstepClock(probe, (probe.commands, velocities))
         self._faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
         probe.wait(self._faults.get_subscription_count, 'the simulator')
-        probe.wait(lambda: self.errors, 'the reference')
-        probe.wait_for_state('nominal')
-
-    def inject(self, words: str) -> None:
-        self._faults.publish(String(data=words))
+        self._clock.run_until(lambda: probe.state == 'nominal', 'nominal')
+        self._clock.run(SETTLING)
 
     def observed(self) -> tuple[list[float], float]:
-        """Return the rms error of some periods and the largest force, transients over."""
-        self.probe.spin(SETTLING)
+        """Return the rms error of some turns and the largest force, transients over."""
+        self._clock.run(SETTLING)
         self.errors.clear()
         self.joint_states.clear()
-        self.probe.spin(PERIODS + 0.1)
+        self._clock.run(PERIODS + 0.1)
         force = max(abs(force) for message in self.joint_states for force in message.effort)
-        return rms(self.errors), force
+        errors = rms(self.errors)
+        assert len(errors) == PERIODS
+        return errors, force
 
     def stick(self) -> None:
-        self.inject('stuck theta_4')
+        self._faults.publish(String(data='stuck theta_4'))
         self.probe.wait_for_state('degraded')
 
-    def mend(self) -> None:
-        self.inject('ok all')
-        self.probe.wait(lambda: self.probe.clear().success, 'the release')
-        self.probe.wait_for_state('nominal')
+    def end(self) -> None:
+        self._clock.close()
+        for process in self._processes:
+            assert process.alive, process.output
+            process.end()
+        self.probe.states.clear()
 
 
 @pytest.mark.slow
-def test_a_stuck_strut_costs_nothing_with_recovery_and_a_lot_without(start, probe, tmp_path):
-    scan = Scan(probe, start, recovery=True)
-    healthy, recovered, force = [], [], 0.0
-    # Healthy and broken in turns: what the machine does meanwhile befalls both.
-    for _ in range(ROUNDS):
-        healthy += scan.observed()[0]
+def test_a_stuck_strut_costs_nothing_with_recovery_and_a_lot_without(start, probe):
+    healthy, stuck, force = {}, {}, {}
+    for recovery in (True, False):
+        scan = Scan(probe, start, recovery)
+        errors, _ = scan.observed()
+        healthy[recovery] = median(errors)
         scan.stick()
-        errors, peak = scan.observed()
-        recovered += errors
-        force = max(force, peak)
-        scan.mend()
-    assert len(recovered) >= 5
-    assert median(recovered) <= 1.2 * median(healthy) + 2e-6
-
-    scan.controller.end()
-    unrecovered_scan_controller = start('controller', recovery=False)
-    scan.probe.wait_for_state('nominal')
-    scan.stick()
-    unrecovered, unrecovered_force = scan.observed()
-    assert unrecovered_scan_controller.alive
-    assert median(unrecovered) >= 8.0 * median(healthy)
-    # What strains the struts until the report arrives stays in them: a busy machine counts here.
-    assert unrecovered_force >= 4.0 * force
+        errors, force[recovery] = scan.observed()
+        stuck[recovery] = median(errors)
+        scan.end()
     print(
-        f'rms error: healthy {1e6 * median(healthy):.1f}, recovered {1e6 * median(recovered):.1f},'
-        f' not recovered {1e6 * median(unrecovered):.1f} urad;'
-        f' largest force {force:.2f} N, not recovered {unrecovered_force:.2f} N'
+        f'rms error: healthy {1e6 * healthy[True]:.2f}, recovered {1e6 * stuck[True]:.2f}, '
+        f'not recovered {1e6 * stuck[False]:.2f} urad; '
+        f'largest force {force[True]:.2f} N, not recovered {force[False]:.2f} N'
     )
+    assert stuck[True] <= 1.2 * healthy[True] + 2e-6
+    assert stuck[False] >= 8.0 * healthy[False]
+    assert force[True] <= 0.1 * force[False]
 
 
 def test_a_controller_that_is_restarted_learns_of_the_failures_again(start, probe):
