@@ -12,6 +12,7 @@ from __future__ import annotations
 import fcntl
 import importlib.util
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -115,6 +116,29 @@ def _without_luck(report):
     return report
 
 
+# Tests that passed, or were skipped for a reason that holds here, without their parameters.
+_RAN: set[str] = set()
+_DESELECTED: list[object] = []
+
+
+def pytest_runtest_logreport(report):
+    if report.skipped or (report.when == 'call' and report.passed):
+        _RAN.add(report.nodeid.partition('[')[0])
+
+
+def pytest_deselected(items):
+    _DESELECTED.extend(items)
+
+
+def _named_but_not_run(config):
+    """Return the tests that docs/robustness.md names and a run of the whole suite left out."""
+    table = config.rootpath / 'docs' / 'robustness.md'
+    if config.args_source is config.ArgsSource.ARGS or _DESELECTED or not table.is_file():
+        return []
+    named = re.findall(r'`(\w[\w/]*\.py::\w+)`', table.read_text(encoding='utf-8'))
+    return sorted({f'test/{name}' for name in named} - _RAN)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     return _without_luck((yield))
@@ -135,3 +159,7 @@ def pytest_sessionfinish(session):
             and not reporter.stats.get('passed'):
         reporter.write_line('\nno test passed', red=True)
         session.exitstatus = pytest.ExitCode.USAGE_ERROR
+    elif session.exitstatus == pytest.ExitCode.OK and (missing := _named_but_not_run(session.config)):
+        for name in missing:
+            reporter.write_line(f'\nnamed in docs/robustness.md, but not run: {name}', red=True)
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

@@ -19,13 +19,15 @@ def run_pytest(tmp_path):
     shutil.copy(TEST_FOLDER / 'conftest.py', tmp_path)
     shutil.copy(TEST_FOLDER.parent / 'pyproject.toml', tmp_path)
 
-    def run(source, *, conftest='', arguments=()):
+    def run(source, *, conftest='', arguments=(), where=('.',), test=None):
         (tmp_path / 'test_given.py').write_text(source)
+        if test is not None:
+            (tmp_path / 'test' / 'test_given.py').write_text(test)
         with (tmp_path / 'conftest.py').open('a') as file:
             file.write(conftest)
         environment = {**os.environ, 'PYTEST_ADDOPTS': ''}
         return subprocess.run(
-            [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '.', *arguments],
+            [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', *where, *arguments],
             cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
 
     return run
@@ -113,6 +115,29 @@ def test_run_of_allowed_skips_alone_fails(run_pytest):
     result = run_pytest(source, conftest=holds(True))
     assert result.returncode == pytest.ExitCode.USAGE_ERROR
     assert 'no test passed' in result.stdout
+
+
+TABLE = '| J1 | what | `test_given.py::test_that_passes` `test_given.py::test_{}` |\n'
+
+
+def test_a_whole_run_must_include_what_the_table_names(run_pytest, tmp_path):
+    (tmp_path / 'docs').mkdir()
+    (tmp_path / 'test').mkdir()
+    for name, code, said in (('gone', 1, True), ('that_passes', 0, False)):
+        (tmp_path / 'docs' / 'robustness.md').write_text(TABLE.format(name))
+        result = run_pytest('', where=[], test=PASSES)
+        assert result.returncode == code, result.stdout
+        assert ('but not run: test/test_given.py::test_gone' in result.stdout) is said
+
+
+def test_a_run_of_some_tests_need_not_include_what_the_table_names(run_pytest, tmp_path):
+    (tmp_path / 'docs').mkdir()
+    (tmp_path / 'test').mkdir()
+    (tmp_path / 'docs' / 'robustness.md').write_text(TABLE.format('gone'))
+    for arguments in (['test/test_given.py'], ['-k', 'that_passes']):
+        source = PASSES + 'def test_another():\n    pass\n'
+        result = run_pytest('', where=[], test=source, arguments=arguments)
+        assert result.returncode == 0, result.stdout
 
 
 def test_folder_named_launch_is_not_launch(run_pytest, tmp_path):

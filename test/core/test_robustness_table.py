@@ -1,0 +1,33 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The table of docs/robustness.md is complete, and names tests that exist."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+TEST_FOLDER = Path(__file__).parents[1]
+TABLE = (TEST_FOLDER.parent / 'docs' / 'robustness.md').read_text(encoding='utf-8')
+LINES = re.findall(r'^\| ([A-Z]\d+) \| (.+?) \| (.*?) ?\|$', TABLE, re.MULTILINE)
+ROWS = {row: re.findall(r'`([^`]+)`', tests) for row, _, tests in LINES}
+NAMED = sorted({test for tests in ROWS.values() for test in tests})
+COUNTS = {'J': 17, 'C': 11, 'F': 24, 'T': 12}
+PENDING = {'J8', 'J12', 'J14', 'J16', 'J17', 'C5', 'F22', 'T3', 'T11', 'T12'}
+
+
+def test_no_row_is_missing():
+    wanted = [f'{kind}{number}' for kind, count in COUNTS.items() for number in range(1, count + 1)]
+    assert [row for row, _, _ in LINES if row[0] in COUNTS] == wanted
+
+
+def test_every_row_names_a_test():
+    assert {row for row, tests in ROWS.items() if not tests} == PENDING
+
+
+@pytest.mark.parametrize('name', NAMED)
+def test_a_named_test_exists(name):
+    path, _, function = name.partition('::')
+    tree = ast.parse((TEST_FOLDER / path).read_text(encoding='utf-8'))
+    assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
