@@ -18,7 +18,7 @@ PENDING = {'J8', 'J12', 'J14', 'J16', 'J17', 'C5', 'F22', 'T3', 'T11', 'T12'}
 
 
 def test_no_row_is_missing():
-    wanted = [f'{kind}{number}' for kind, count in COUNTS.items() for number in range(1, count + 1)]
+    wanted = [f'{kind}{n + 1}' for kind, count in COUNTS.items() for n in range(count)]
     assert [row for row, _, _ in LINES if row[0] in COUNTS] == wanted
 
 
