@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.kinematics.measures import PresentMeasures
+from fault_tolerance.kinematics.measures import PresentMeasures, present_measures
 from fault_tolerance.kinematics.reconfiguration import (
     PostFailure,
     failures_in_words,
@@ -64,6 +64,7 @@ def intolerance(post: PostFailure, measures: PresentMeasures, threshold: float) 
     They are tolerated when the platform is held, its major coordinates are all there, and no
     measure of theirs is below ``threshold``: nearly lost counts as lost.
     """
+    measures = unit_free(post, measures)
     found = {
         'position': measures.position,
         'torque': measures.torque,
@@ -76,3 +77,15 @@ def intolerance(post: PostFailure, measures: PresentMeasures, threshold: float) 
         return ''
     words = failures_in_words(post.failures)
     return f'{words}: {name} measure {value:.3g} is below the tolerance threshold {threshold:.3g}'
+
+
+def unit_free(post: PostFailure, measures: PresentMeasures) -> PresentMeasures:
+    """Return the measures of ``post`` with turning drives taken at the characteristic length.
+
+    The paper's measures compare radians with metres where a mechanism has drives of both kinds,
+    and then depend on the units: too much for a decision.
+    """
+    scale = post.rows.rate_scale
+    if (scale == scale[0]).all():
+        return measures
+    return present_measures(reconfigured(post.rows.in_metres(), post.failures))

@@ -26,8 +26,8 @@ class Settings:
     report_timeout : float
         Seconds for which a failure counts as still reported.
     tolerance_threshold : float
-        A measure of the present failures below it means that they are not tolerated. Measures
-        depend on units where drives mix radians and metres, so it is small.
+        A measure of the present failures below it means that they are not tolerated. Turning
+        drives are taken at the characteristic length here, so that units do not matter.
     auto_clear : bool
         Whether a report that a part is healthy releases its failure.
     unknown_mode : {'stop', 'ignore'}

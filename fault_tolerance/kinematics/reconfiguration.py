@@ -20,6 +20,8 @@ from fault_tolerance.mechanism.task import COORDINATES, Task
 
 # Smaller shares of an unactuated motion are rounding errors.
 _NOTABLE = 1e-6
+# Smaller shares are not worth a word to a person.
+_MAIN = 0.3
 
 
 @dataclass(frozen=True)
@@ -111,11 +113,14 @@ def verdict(
     gained = tuple(
         name for name, was, is_ in zip(order, before, after, strict=True) if is_ and not was
     )
-    drifting = _drifting(present, rows)
+    drifting, mainly = _drifting(present, rows, _NOTABLE), _drifting(present, rows, _MAIN)
     major = rank(present.major * _major_scale(rows))
     tolerable = present.stable and major == len(task.major)
     missing = _missing(rows, after, order)
-    reason = _reason(failures, task, drifting, lost, gained, missing)
+    drift = ', '.join(mainly) if mainly == drifting else f'mostly {", ".join(mainly)}'
+    if drift:
+        drift += f' unactuated ({_motions_in_words(int(present.unactuated.shape[1]))})'
+    reason = _reason(failures, task, drift, lost, gained, missing)
     return Verdict(
         present.stable, tolerable, present.mobility, lost, gained, drifting, reason
     )
@@ -146,29 +151,34 @@ def _missing(rows: StrutRows, after: tuple[bool, ...], order: list[str]) -> tupl
     return tuple(name for name, new in zip(order, after, strict=True) if name in major and not new)
 
 
-def _drifting(present: DifferentialKinematics, rows: StrutRows) -> tuple[str, ...]:
-    """Return the coordinates with a notable share in the unactuated motion."""
+def _drifting(
+    present: DifferentialKinematics, rows: StrutRows, least: float
+) -> tuple[str, ...]:
+    """Return the coordinates whose share in the unactuated motion is above ``least``."""
     if present.stable:
         return ()
     scaled = present.unactuated * rows.twist_scale[:, None]
     share = np.linalg.norm(scaled, axis=1)
-    notable = share > _NOTABLE * share.max()
+    notable = share > least * share.max()
     names = _twist_names(rows)
     return tuple(name for name, moves in zip(names, notable, strict=True) if moves)
+
+
+def _motions_in_words(count: int) -> str:
+    return '1 motion' if count == 1 else f'{count} motions'
 
 
 def _reason(
     failures: FailureSet,
     task: Task,
-    drifting: tuple[str, ...],
+    drift: str,
     lost: tuple[str, ...],
     gained: tuple[str, ...],
     missing: tuple[str, ...],
 ) -> str:
     what = failures_in_words(failures)
-    if drifting:
-        directions = ', '.join(drifting)
-        return f'{what}; {directions} unactuated: zero velocity does not hold the platform'
+    if drift:
+        return f'{what}; {drift}: zero velocity does not hold the platform'
     if missing:
         return f'{what}; {", ".join(missing)} cannot be given independently'
     parts = [f'{what}; {", ".join(task.major)} retained' if failures else what]

@@ -70,6 +70,21 @@ class StrutRows:
         """Return the same rows, judged with another ``compliance``."""
         return replace(self, compliance=compliance)
 
+    def in_metres(self) -> StrutRows:
+        """Return the same rows for rates and twists in metres per second.
+
+        What follows from them, the measures among it, does not depend on the units of drives
+        and task, as it does where some drives turn and others slide.
+        """
+        rows = self.actuator_rows
+        return replace(
+            self,
+            drive_rates=self.drive_rates / self.rate_scale,
+            actuator_rows=None if rows is None else rows * self.rate_scale[:, None],
+            rate_scale=np.ones_like(self.rate_scale),
+            twist_scale=np.ones_like(self.twist_scale),
+        )
+
 
 def strut_rows(configuration: Configuration) -> StrutRows:
     """Return the rows of all struts at ``configuration``, lost or not."""

@@ -199,3 +199,25 @@ def test_a_command_that_is_not_finite_is_never_given():
 
     with pytest.raises(ArithmeticError, match='not finite'):
         law.limited(broken, np.zeros(4))
+
+
+@pytest.mark.parametrize(
+    'failures',
+    [
+        [('torque', 'theta_4'), ('torque', 'theta_5')],
+        [('torque', 'theta_1')],
+        [('position', 'theta_1')],
+        [('hard', 'strut_2')],
+        [('position', 'theta_2'), ('torque', 'theta_1')],
+    ],
+)
+def test_the_decision_does_not_depend_on_the_units_of_the_drives(failures):
+    # The same mirror, once in radii and once in metres: drives that turn beside ones that slide.
+    reasons = []
+    for name in ('fsm_overactuated', 'mirror_overactuated'):
+        post = state(*failures, mechanism=mechanism_named(name))
+        reasons.append(intolerance(post, present_measures(post), 0.999))
+        assert intolerance(post, present_measures(post), 0.1) == ''
+
+    assert 'below the tolerance threshold' in reasons[0]
+    assert reasons[0] == reasons[1]

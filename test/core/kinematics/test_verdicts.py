@@ -34,7 +34,10 @@ def verdict(name, *failures):
         ('fsm_3_strut', [('stuck', 'theta_1'), ('stuck', 'theta_2'), ('stuck', 'theta_3')],
          'theta_1 stuck, theta_2 stuck, theta_3 stuck; wx, wy cannot be given independently'),
         ('fsm_3_strut', [('free', 'theta_1')],
-         'theta_1 free; wy, vz unactuated: zero velocity does not hold the platform'),
+         'theta_1 free; wy, vz unactuated (1 motion): zero velocity does not hold the platform'),
+        ('fsm_3_strut', [('lost', 'strut_1'), ('free', 'theta_2')],
+         'theta_2 free, strut_1 lost; wx, wy, wz, vy, vz unactuated (3 motions): '
+         'zero velocity does not hold the platform'),
     ],
 )
 def test_reasons(name, failures, reason):
@@ -46,6 +49,14 @@ def test_drifting_coordinates():
     lost = verdict('fsm_3_strut', ('lost', 'strut_1'))
     assert lost.drifting == ('wy', 'wz', 'vy', 'vz') and not lost.stable
     assert verdict('fsm_3_strut').drifting == ()
+
+
+def test_a_drift_is_told_by_its_main_directions():
+    """A hexapod's drift has a share in everything; the sentence names what a person would see."""
+    drift = verdict('gough_stewart_6', ('free', 'leg_4'))
+    assert drift.drifting == ('wx', 'wy', 'wz', 'vx', 'vy', 'vz')
+    assert drift.reason.startswith('leg_4 free; mostly ')
+    assert ' wx' not in drift.reason
 
 
 def test_lost_major_coordinates_come_first():
