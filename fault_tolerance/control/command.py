@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fault_tolerance.control.limits import (
@@ -15,6 +17,7 @@ from fault_tolerance.control.limits import (
 )
 from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.transition import Transition
 from fault_tolerance.kinematics.differential import (
     DifferentialKinematics,
     differential_kinematics,
@@ -27,6 +30,10 @@ LEAVING = 2.0
 """How far above the margin at which it holds the mechanism must be before it moves again."""
 
 
+def _whole(target: LimitedRate, _: Callable[[ResolvedRate], LimitedRate]) -> LimitedRate:
+    return target
+
+
 class CommandLaw:
     """Turns task velocities into commands.
 
@@ -34,6 +41,11 @@ class CommandLaw:
     ----------
     mechanism : Mechanism
     settings : Settings
+
+    Attributes
+    ----------
+    slowed : bool
+        Whether the last command was slowed down for being near a singularity.
     """
 
     def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
@@ -41,6 +53,7 @@ class CommandLaw:
         self._settings = settings
         self._twist_scale, self._rate_scale = _scales(mechanism)
         self._near_singular = False
+        self.slowed = False
         # What is near is judged against home, where the mechanism is made to work; a home that
         # is singular itself, as of a stretched arm, is no yardstick.
         resting = np.zeros(len(mechanism.task.coordinates))
@@ -66,21 +79,44 @@ class CommandLaw:
             return ''
         return f'near a singularity of the major task (margin below {limit:.2g})'
 
-    def limited(self, resolved: ResolvedRate, values: FloatArray) -> LimitedRate:
+    def transition(self) -> Transition:
+        """Return what eases its commands in."""
+        return Transition(
+            self._mechanism.task,
+            self._twist_scale,
+            self._rate_scale,
+            self._settings.max_acceleration,
+        )
+
+    def limited(
+        self,
+        resolved: ResolvedRate,
+        values: FloatArray,
+        ease: Callable[[LimitedRate, Callable[[ResolvedRate], LimitedRate]], LimitedRate] = _whole,
+    ) -> LimitedRate:
         """Return the command at the joint values (N,), NaN where there are none.
+
+        Parameters
+        ----------
+        resolved : ResolvedRate
+        values : (N,) array
+        ease : callable, optional
+            Gives the command on the way to the one within all limits; is told how commands are
+            brought within them.
 
         Raises
         ------
         ArithmeticError
             If it is not finite.
         """
-        settings = self._settings
+        settings, names = self._settings, self._mechanism.actuator_names
+        bounds = rate_bounds(self._mechanism, values, settings.stroke_gain)
         margin = resolved.transmission / self._yardstick
-        limited = limited_rate(
-            resolved,
-            rate_bounds(self._mechanism, values, settings.stroke_gain),
-            self._mechanism.actuator_names,
-            singularity_scale(margin, settings.hold_below, settings.slow_below),
+        slowing = singularity_scale(margin, settings.hold_below, settings.slow_below)
+        self.slowed = slowing < 1.0
+        limited = ease(
+            limited_rate(resolved, bounds, names, slowing),
+            lambda way: limited_rate(way, bounds, names),
         )
         command = limited.command
         if not (np.isfinite(command.rates).all() and np.isfinite(command.twist).all()):

@@ -64,6 +64,14 @@ class Metrics:
         Of J_m as it is now.
     saturation : tuple of str
         Actuators at a limit.
+    scale, secondary_scale : float
+        The factor that limits or a near singularity put on everything, and before that on the
+        secondary motion.
+    major_jump, rate_jump : float
+        By how much the velocity of the major task and the rates of the drives jumped at the last
+        failure, clearing or resumption, m/s.
+    out_of_range, inconsistent : tuple of str
+        Actuators whose readings lie beyond their strokes, or contradict reports and commands.
     flexure_strain : float
         Metres.
     misfit : float
@@ -93,6 +101,12 @@ class Metrics:
     smallest_singular_value: float = 0.0
     condition_number: float = 0.0
     saturation: tuple[str, ...] = ()
+    scale: float = 0.0
+    secondary_scale: float = 0.0
+    major_jump: float = 0.0
+    rate_jump: float = 0.0
+    out_of_range: tuple[str, ...] = ()
+    inconsistent: tuple[str, ...] = ()
     flexure_strain: float = 0.0
     misfit: float = 0.0
     recovery_time: float = 0.0
@@ -140,6 +154,12 @@ def metrics_of(mechanism: Mechanism, output: Output, assessment: Assessment | No
         smallest_singular_value=present.smallest_singular_value,
         condition_number=present.condition_number,
         saturation=output.saturation,
+        scale=output.scale,
+        secondary_scale=output.secondary_scale,
+        major_jump=output.jump.major,
+        rate_jump=output.jump.rates,
+        out_of_range=output.out_of_range,
+        inconsistent=output.inconsistent,
         flexure_strain=output.configuration.flexure_strain if output.configuration else 0.0,
         misfit=output.configuration.largest_misfit if output.configuration else 0.0,
         recovery_time=output.recovery_time,
@@ -191,7 +211,7 @@ def _level(output: Output) -> int:
         return ERROR
     if output.input_lost:
         return STALE
-    if output.failures or output.state is State.HOLD:
+    if output.failures or output.state is State.HOLD or output.notices:
         return WARN
     return OK
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fault_tolerance.control.ledger import LedgerClear
+from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.recovery import State
+from fault_tolerance.control.transition import Jump
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -42,6 +44,14 @@ class Output:
         The factor by which the secondary motion had to give way before.
     saturation : tuple of str
         Actuators that would have crossed a limit.
+    jump : Jump
+        That of the last transition: a failure, a clearing or a resumption.
+    out_of_range : tuple of str
+        Actuators that read beyond their strokes.
+    inconsistent : tuple of str
+        Actuators that move though reported stuck, or rest though told to move.
+    notices : tuple of Notice
+        Warnings that go with these.
     input_lost : bool
         Whether an input that was there, or is waited for, is missing.
     recovery_time : float
@@ -60,6 +70,10 @@ class Output:
     scale: float
     secondary_scale: float
     saturation: tuple[str, ...]
+    jump: Jump
+    out_of_range: tuple[str, ...]
+    inconsistent: tuple[str, ...]
+    notices: tuple[Notice, ...]
     input_lost: bool
     recovery_time: float
 

@@ -153,7 +153,7 @@ def resolved_rate(
 
     rows, others = task.major_rows, task.secondary_rows
     weights = np.ones(len(asked)) if twist_scale is None else twist_scale
-    coordinates = _drive_coordinates(kinematics, rate_scale)
+    coordinates = drive_coordinates(kinematics, rate_scale)
     jacobian, wanted = (weights[:, None] * kinematics.jacobian) @ coordinates, weights * unit
     left, sigma, right = np.linalg.svd(jacobian[rows])
     driven = int((sigma > singular_below).sum())
@@ -177,7 +177,7 @@ def resolved_rate(
     )
 
 
-def _drive_coordinates(
+def drive_coordinates(
     kinematics: DifferentialKinematics, rate_scale: FloatArray | None
 ) -> FloatArray:
     """Return reduced rates (n, n) per coordinates in which lengths are the drives' speed."""

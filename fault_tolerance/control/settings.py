@@ -39,6 +39,13 @@ class Settings:
     slow_below, hold_below : float
         Near a singularity everything slows down, and then holds: the transmission of the worst
         major direction (see `ResolvedRate`), relative to that at home, at which it does.
+    max_acceleration : float
+        m/s^2, turning drives at the characteristic length: how fast the drives (the norm of
+        all their rates) may change from one way of moving to another, at a failure, a clearing
+        or a resumption. Elsewhere, and where motion ends, nothing is limited.
+    misfit_limit : float
+        Characteristic lengths by which redundant joint readings may contradict each other
+        before it holds.
     clock : callable, optional
         Returns seconds; measures the time a recovery takes. 0 s are given without it.
     """
@@ -53,11 +60,20 @@ class Settings:
     stroke_gain: float = 10.0
     slow_below: float = 5e-3
     hold_below: float = 5e-4
+    max_acceleration: float = 10.0
+    misfit_limit: float = 5e-3
     clock: Callable[[], float] | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers; ValueError names what is wrong."""
-        positive = ('joint_state_timeout', 'command_timeout', 'report_timeout', 'stroke_gain')
+        positive = (
+            'joint_state_timeout',
+            'command_timeout',
+            'report_timeout',
+            'stroke_gain',
+            'max_acceleration',
+            'misfit_limit',
+        )
         for name in positive:
             value = getattr(self, name)
             if not (isfinite(value) and value > 0.0):

@@ -23,6 +23,7 @@ from fault_tolerance.control.limits import LimitedRate
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
+from fault_tolerance.control.plausibility import Plausibility
 from fault_tolerance.control.readings import unusable
 from fault_tolerance.control.recovery import Conditions, Decision, State, StateMachine
 from fault_tolerance.control.reports import Report
@@ -65,7 +66,10 @@ class Supervisor:
         )
         self._machine = StateMachine()
         self._law = CommandLaw(mechanism, self.settings)
+        self._transition = self._law.transition()
         self._assessor = Assessor(mechanism, self.settings.tolerance_threshold)
+        self._plausibility = Plausibility(mechanism, self.settings.misfit_limit)
+        self._contradiction = ''
         self._assessment: Assessment | None = None
         self._outdated = False
         self._paused = False
@@ -170,7 +174,15 @@ class Supervisor:
             stop = text if self._errors >= MOST_ERRORS else self._ledger.stop_reason
             decision = self._machine.decide(Conditions(stop=stop, hold=text))
             self._output = self._result(decision, now)
-        return self._output
+        given = self._output
+        self._transition.passed(
+            given.rates,
+            given.achieved[self.mechanism.task.rows],
+            given.failures,
+            now,
+            moves=given.state in (State.NOMINAL, State.DEGRADED),
+        )
+        return given
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
@@ -179,8 +191,7 @@ class Supervisor:
     def _cycle(self, now: float) -> Output:
         values = self._readings.value
         if self._outdated and values is not None:
-            self._assessment = self._assessor.assessed(values, self.failures)
-            self._outdated = False
+            self._assess(values, now)
         assessment = self._assessment
         stop = self._ledger.stop_reason or (assessment.intolerance if assessment else '')
         hold = self._hold_reason(now)
@@ -201,8 +212,27 @@ class Supervisor:
         )
         if values is None or resolved is None or not decision.moves:
             return self._result(decision, now)
-        present_values = without_lost(self.mechanism, values, self.failures)
-        return self._result(decision, now, self._law.limited(resolved, present_values))
+        limited = self._law.limited(
+            resolved,
+            without_lost(self.mechanism, values, self.failures),
+            lambda target, within: self._transition.eased(target, within, self.failures, now),
+        )
+        return self._result(decision, now, limited)
+
+    def _assess(self, values: FloatArray, now: float) -> None:
+        """Find out where the mechanism is, and whether the readings can be true."""
+        found = self._assessor.assessed(values, self.failures)
+        self._assessment, self._outdated = found, False
+        self._contradiction = ''
+        if found is not None and not self._assessor.unclosed:
+            self._contradiction = self._plausibility.objection_to(found.configuration)
+        if self.settings.recovery:
+            self._plausibility.observe(
+                without_lost(self.mechanism, values, self.failures),
+                self._output.rates,
+                self.failures,
+                now,
+            )
 
     def _hold_reason(self, now: float) -> str:
         """Return why the mechanism must not move now though nothing is wrong with it for good."""
@@ -212,6 +242,8 @@ class Supervisor:
             return f'no usable joint state for {self.settings.joint_state_timeout:g} s'
         if self._assessor.unclosed:
             return self._assessor.unclosed
+        if self._contradiction:
+            return self._contradiction
         if self._assessment and self._assessment.singularity:
             return self._assessment.singularity
         return ''
@@ -259,6 +291,10 @@ class Supervisor:
             scale=limited.scale if limited else 0.0,
             secondary_scale=limited.secondary_scale if limited else 0.0,
             saturation=limited.saturation if limited else (),
+            jump=self._transition.jump,
+            out_of_range=self._plausibility.out_of_range,
+            inconsistent=self._plausibility.inconsistent,
+            notices=self._plausibility.notices,
             input_lost=self._readings.value is None or self._readings.has_ceased(now),
             recovery_time=self._recovery_time,
         )
@@ -266,9 +302,12 @@ class Supervisor:
     def _reason(self, decision: Decision, now: float) -> str:
         """Return the reason for a state, and what else there is to know."""
         # To be asked for nothing is no fault: it rests, as healthy or degraded as it is.
-        idle = self._idle(now)
-        if decision.moves and idle:
-            return f'{decision.reason}; {idle}'
+        parts = [decision.reason]
+        if decision.moves and self._idle(now):
+            parts.append(self._idle(now))
+        elif decision.moves and self._law.slowed:
+            parts.append('slowed down near a singularity')
         if self.failures and decision.state in (State.WAITING, State.HOLD):
-            return f'{decision.reason}; {failures_in_words(self.failures)}'
-        return decision.reason
+            parts.append(failures_in_words(self.failures))
+        parts += [notice.text for notice in self._plausibility.notices]
+        return '; '.join(parts)

@@ -72,6 +72,18 @@ CONTROLLER = (
         'hold_below', Settings.hold_below,
         'margin to a singularity below which it holds; less than slow_below', '', (1e-9, 0.999),
     ),
+    Parameter(
+        'max_acceleration', Settings.max_acceleration,
+        'how fast all rates together may change at a failure, a clearing or a resumption, '
+        'turning drives at the characteristic length; 1e9: at once',
+        'm/s^2', (1e-6, 1e9),
+    ),
+    Parameter(
+        'misfit_limit', Settings.misfit_limit,
+        'hold when redundant joint readings contradict each other by more than this share of '
+        'the characteristic length',
+        '', (1e-9, 1e9),
+    ),
 )
 
 SIMULATOR = (

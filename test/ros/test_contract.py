@@ -129,7 +129,8 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'state', 'failures', 'mobility', 'lost', 'gained', 'retained_manipulability',
         'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
-        'report_stamp', 'residual', 'misfit',
+        'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
+        'rate_jump', 'out_of_range', 'inconsistent',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]

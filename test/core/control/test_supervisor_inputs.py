@@ -177,7 +177,7 @@ def test_pausing_holds_until_it_is_undone():
     assert (held.state, held.reason) == (State.HOLD, 'paused')
     assert at_rest(held)
     assert not held.input_lost
-    assert supervisor.step(0.0).rates.any()
+    assert supervisor.step(0.01).rates.any()
 
 
 def test_a_failure_while_held_is_named_and_a_stop_wins():
@@ -195,8 +195,8 @@ def test_a_clock_set_back_holds_until_the_next_readings():
     assert supervisor.step(1000.0).rates.any()
 
     assert supervisor.step(3.0).state is State.HOLD
-    feed(supervisor, 3.0, ASKED)
-    assert supervisor.step(3.0).rates.any()
+    feed(supervisor, 3.01, ASKED)
+    assert supervisor.step(3.01).rates.any()
 
 
 def test_told_to_forget_times_it_holds_until_the_next_readings():
@@ -206,16 +206,16 @@ def test_told_to_forget_times_it_holds_until_the_next_readings():
     supervisor.forget_times(0.0)
 
     assert supervisor.step(0.0).state is State.HOLD
-    feed(supervisor, 0.0, ASKED)
-    assert supervisor.step(0.0).rates.any()
+    feed(supervisor, 0.01, ASKED)
+    assert supervisor.step(0.01).rates.any()
 
 
 def test_a_clock_set_forward_holds_until_the_next_readings():
     supervisor = fed(FSM, velocity=ASKED)
 
     assert supervisor.step(3600.0).state is State.HOLD
-    feed(supervisor, 3600.0, ASKED)
-    assert supervisor.step(3600.0).rates.any()
+    feed(supervisor, 3600.01, ASKED)
+    assert supervisor.step(3600.01).rates.any()
 
 
 def test_joint_values_beyond_any_assembly_hold_with_the_reason():
@@ -260,7 +260,7 @@ def test_internal_errors_give_zeros_at_once_and_stop_in_the_end(monkeypatch):
     assert all('internal error: RuntimeError: a?fault' in output.reason for output in outputs)
     assert after.state is State.STOPPED
     assert supervisor.clear(0.0).success
-    assert supervisor.step(0.0).rates.any()
+    assert supervisor.step(0.01).rates.any()
 
 
 def test_internal_errors_that_pass_are_forgotten(monkeypatch):

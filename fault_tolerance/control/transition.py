@@ -1,0 +1,200 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""From one way of moving to another without a bump: at a failure, a clearing, a resumption.
+
+The new command begins as near to the last one as the new kinematics allow, with the major task
+moving as it moved, and goes to what it should be at a limited acceleration. Only secondary
+motion, and a start from rest, then take time; the major task is followed from the first command
+on. Outside of transitions nothing is limited: what the operator asks for is what is given.
+Motion that is to end ends at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fault_tolerance.control.limits import LimitedRate
+from fault_tolerance.control.resolved_rate import (
+    SINGULAR_BELOW,
+    ResolvedRate,
+    drive_coordinates,
+)
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.task import Task
+
+ROUNDING = 1e-9
+"""Commands that differ by less than this share are the same."""
+
+
+@dataclass(frozen=True)
+class Jump:
+    """By how much the first command of a transition differs from the one before, m/s.
+
+    Attributes
+    ----------
+    major : float
+        Of the major task's velocity, rotations times the characteristic length.
+    rates : float
+        Of the actuators' rates, turning ones times the characteristic length; the norm.
+    """
+
+    major: float = 0.0
+    rates: float = 0.0
+
+    def exceeds(self, other: Jump) -> bool:
+        """Return whether it is larger than another in any respect."""
+        return self.major > (1.0 + ROUNDING) * other.major + 1e-15 or (
+            self.rates > (1.0 + ROUNDING) * other.rates + 1e-15
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Sent:
+    """The command before: rates (N,), major velocity (m,), scaled, and what it was made with."""
+
+    rates: FloatArray
+    major: FloatArray
+    moves: bool
+    failures: FailureSet
+    mobility: int
+    time: float
+
+
+class Transition:
+    """Eases commands in after the kinematics have changed, and after a rest.
+
+    Parameters
+    ----------
+    task : Task
+    twist_scale : (l,) array
+        Turns task velocities into metres per second.
+    rate_scale : (N,) array
+        Turns actuator rates into metres per second.
+    max_acceleration : float
+        Metres per second squared, of the reduced coordinates.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        twist_scale: FloatArray,
+        rate_scale: FloatArray,
+        max_acceleration: float,
+    ) -> None:
+        self._rows = task.major_rows
+        self._twist_scale = twist_scale
+        self._rate_scale = rate_scale
+        self._max_acceleration = max_acceleration
+        self._sent: _Sent | None = None
+        self._mobility = 0
+        self._under_way = False
+        self.jump = Jump()
+
+    def eased(
+        self,
+        target: LimitedRate,
+        within: Callable[[ResolvedRate], LimitedRate],
+        failures: FailureSet,
+        now: float,
+    ) -> LimitedRate:
+        """Return the command to give now on the way to ``target``.
+
+        Parameters
+        ----------
+        target : LimitedRate
+            Where it is to lead.
+        within : callable
+            Brings a command into the bounds.
+        failures : FailureSet
+            Those in force.
+        now : float
+        """
+        self._mobility = target.command.kinematics.mobility
+        sent = self._sent
+        if sent is None:
+            return target
+        kind = (sent.moves, sent.failures, sent.mobility)
+        begins = kind != (True, failures, self._mobility)
+        self._under_way = self._under_way or begins
+        if not (self._under_way and target.command.rates.any()):
+            # At rest there is nothing to ease in, yet.
+            return target
+        found = self._on_the_way(target, within, sent, now)
+        self._under_way = found is not target
+        if begins or not sent.rates.any():
+            self.jump = self._jump(found.command, sent)
+        return found
+
+    def passed(
+        self,
+        rates: FloatArray,
+        task_velocity: FloatArray,
+        failures: FailureSet,
+        now: float,
+        *,
+        moves: bool,
+    ) -> None:
+        """Take note of a command that is given: rates (N,), and the task's velocity (l,)."""
+        major = (self._twist_scale * task_velocity)[self._rows]
+        self._sent = _Sent(rates, major, moves, failures, self._mobility, now)
+
+    def _on_the_way(
+        self,
+        target: LimitedRate,
+        within: Callable[[ResolvedRate], LimitedRate],
+        sent: _Sent,
+        now: float,
+    ) -> LimitedRate:
+        command = target.command
+        kinematics = command.kinematics
+        # Coordinates in which the drives' speed is a length: y with x = coordinates @ y.
+        coordinates = drive_coordinates(kinematics, self._rate_scale)
+        drives = self._rate_scale[:, None] * (kinematics.mapping @ coordinates)
+        goal = drives.T @ (self._rate_scale * (kinematics.mapping @ command.reduced))
+        jacobian = self._twist_scale[self._rows, None] * (kinematics.major @ coordinates)
+        left, sigma, right = np.linalg.svd(jacobian, full_matrices=False)
+        driven = sigma > SINGULAR_BELOW
+        left, sigma, right = left[:, driven], sigma[driven], right[driven]
+        nearest = drives.T @ (self._rate_scale * sent.rates)
+        start = nearest + right.T @ ((left.T @ (sent.major - jacobian @ nearest)) / sigma)
+
+        way = goal - start
+        length = float(np.linalg.norm(way))
+        allowed = self._max_acceleration * max(now - sent.time, 0.0)
+        size = max(float(np.linalg.norm(goal)), float(np.linalg.norm(start)))
+        if length <= allowed + ROUNDING * size:
+            return target
+        reached = start + (allowed / length) * way
+        major = right.T @ (right @ reached)
+        eased = within(
+            replace(
+                command,
+                major=_frozen(coordinates @ major),
+                secondary=_frozen(coordinates @ (reached - major)),
+            )
+        )
+        # Limits may have bent the way: then it is no use.
+        if self._jump(eased.command, sent).exceeds(self._jump(command, sent)):
+            return target
+        saturation = (*target.saturation, *eased.saturation)
+        return replace(
+            eased,
+            scale=target.scale,
+            secondary_scale=target.secondary_scale,
+            saturation=tuple(dict.fromkeys(saturation)),
+        )
+
+    def _jump(self, command: ResolvedRate, sent: _Sent) -> Jump:
+        major = (self._twist_scale * command.achieved)[self._rows] - sent.major
+        rates = self._rate_scale * (command.rates - sent.rates)
+        return Jump(float(np.linalg.norm(major)), float(np.linalg.norm(rates)))
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array
