@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from fault_tolerance.control.judgement import PostFailureModel, intolerance
+from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.measures import (
     NextFailure,
@@ -19,7 +20,7 @@ from fault_tolerance.kinematics.measures import (
     present_measures,
 )
 from fault_tolerance.kinematics.reconfiguration import PostFailure
-from fault_tolerance.kinematics.rows import strut_rows
+from fault_tolerance.kinematics.rows import StrutRows, strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import Configuration, fitted_configuration
 from fault_tolerance.mechanism.description import Mechanism
@@ -74,6 +75,36 @@ class Assessment:
         return f'singular configuration: {self.post.verdict.reason}'
 
 
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Joint values brought to a configuration.
+
+    Attributes
+    ----------
+    key : tuple of bytes and tuple of str
+        The joint values, and the struts that had been lost.
+    rows : StrutRows or None
+        At `configuration`.
+    configuration : Configuration or None
+        The one fitted, or the last before it whose loops closed; None if none ever did.
+    unclosed : str
+        Why it is not the one fitted; empty if it is.
+    """
+
+    key: tuple[bytes, tuple[str, ...]]
+    configuration: Configuration | None
+    rows: StrutRows | None
+    unclosed: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class Prospect:
+    """What an assessment would be, before anything is decided on it."""
+
+    fit: Fit
+    assessment: Assessment | None
+
+
 class Assessor:
     """Assesses joint values and failures, each from the nominal rows at the present configuration.
 
@@ -92,34 +123,55 @@ class Assessor:
         self._yielding = replace(mechanism, compliance=max(compliance, mechanism.compliance))
         self._threshold = threshold
         self._model = PostFailureModel()
-        self._last: Configuration | None = None
-        self._unclosed = ''
+        self._fit = Fit((b'', ()), None, None)
+        self._nominal: DifferentialKinematics | None = None
 
     @property
     def unclosed(self) -> str:
         """Why the newest joint values could not be assessed; empty if they were."""
-        return self._unclosed
+        return self._fit.unclosed
 
     def assessed(self, values: FloatArray, failures: FailureSet) -> Assessment | None:
         """Return the assessment at the joint values (N,), or None if no loops ever closed."""
-        configuration = self._fitted(without_lost(self._mechanism, values, failures), failures)
-        self._unclosed = ''
-        if configuration.converged:
-            self._last = configuration
-        else:
-            self._unclosed = 'the loops do not close at these joint values'
-        if self._last is None:
-            return None
-        # New failures are judged even then, where the loops last closed.
-        post = self._model.at(strut_rows(self._last), failures)
-        return Assessment(self._last, post, self._threshold)
+        prospect = self.foreseen(values, failures)
+        self.adopt(prospect)
+        return prospect.assessment
 
-    def _fitted(self, values: FloatArray, failures: FailureSet) -> Configuration:
-        found = fitted_configuration(self._yielding, values, failures.lost, self._last)
-        if not found.converged and self._last is not None:
+    def foreseen(self, values: FloatArray, failures: FailureSet) -> Prospect:
+        """Return what `assessed` would, and remember nothing of it."""
+        fit = self._fit
+        if fit.key != (values.tobytes(), failures.lost):
+            fit = self._fitted(values, failures)
+        if fit.configuration is None or fit.rows is None:
+            return Prospect(fit, None)
+        # New failures are judged even then, where the loops last closed.
+        nominal = self._nominal if fit is self._fit else None
+        post = self._model.foreseen(fit.rows, failures, nominal)
+        return Prospect(fit, Assessment(fit.configuration, post, self._threshold))
+
+    def adopt(self, prospect: Prospect) -> None:
+        """Go on from ``prospect``, foreseen before."""
+        self._fit = prospect.fit
+        self._nominal = None
+        if prospect.assessment is not None:
+            post = prospect.assessment.post
+            self._model.adopt(post)
+            if post.rows is prospect.fit.rows:
+                self._nominal = post.nominal
+
+    def _fitted(self, values: FloatArray, failures: FailureSet) -> Fit:
+        read = without_lost(self._mechanism, values, failures)
+        last = self._fit.configuration
+        found = fitted_configuration(self._yielding, read, failures.lost, last)
+        if not found.converged and last is not None:
             # The last configuration may be a bad start, as after a long gap.
-            found = fitted_configuration(self._yielding, values, failures.lost)
-        return replace(found, mechanism=self._mechanism)
+            found = fitted_configuration(self._yielding, read, failures.lost)
+        key = values.tobytes(), failures.lost
+        if not found.converged:
+            reason = 'the loops do not close at these joint values'
+            return Fit(key, last, self._fit.rows, reason)
+        found = replace(found, mechanism=self._mechanism)
+        return Fit(key, found, strut_rows(found))
 
 
 def without_lost(mechanism: Mechanism, values: FloatArray, failures: FailureSet) -> FloatArray:

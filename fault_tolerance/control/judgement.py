@@ -34,14 +34,36 @@ class PostFailureModel:
         self._present = 0
 
     def at(self, rows: StrutRows, failures: FailureSet) -> PostFailure:
-        """Return the kinematics at ``rows`` with ``failures`` present."""
-        post = reconfigured(rows, failures)
+        """Return the kinematics at ``rows`` with ``failures`` present, and go on from them."""
+        post = self.foreseen(rows, failures)
+        self.adopt(post)
+        return post
+
+    def foreseen(
+        self,
+        rows: StrutRows,
+        failures: FailureSet,
+        nominal: DifferentialKinematics | None = None,
+    ) -> PostFailure:
+        """Return what `at` would, and remember nothing of it.
+
+        Parameters
+        ----------
+        rows : StrutRows
+        failures : FailureSet
+        nominal : DifferentialKinematics, optional
+            Of the same rows, compliance included, where the caller has it already.
+        """
+        post = reconfigured(rows, failures, nominal)
         if self._is_undecided(post, rows.compliance):
             post = reconfigured(rows.with_compliance(COMPLIANCE_BAND * rows.compliance), failures)
-        self._failures = failures
+        return post
+
+    def adopt(self, post: PostFailure) -> None:
+        """Go on from ``post``, as foreseen before."""
+        self._failures = post.failures
         self._nominal = _freedom(post.nominal)
         self._present = _freedom(post.present)
-        return post
 
     def _is_undecided(self, post: PostFailure, compliance: float) -> bool:
         """Return whether a freedom is gone by a constraint only just above the compliance."""

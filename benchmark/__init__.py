@@ -1,0 +1,4 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Measurements of speed, all from one command: ``make bench``."""
