@@ -162,7 +162,9 @@ class Conversation:
         return True
 
 
-def run(repeats: int = 5, rounds: int = ROUNDS, mechanism: str = MECHANISM) -> list[dict[str, Any]]:
+def run(
+    repeats: int = 5, rounds: int = ROUNDS, mechanism: str = MECHANISM
+) -> list[dict[str, Any]]:
     """Return the rows of this benchmark."""
     commands = {
         JOINT_STATE: ['benchmark.echo', JOINT_STATE],

@@ -116,6 +116,98 @@ class ResolvedRate:
         return np.asarray(np.linalg.svd(self.kinematics.major, compute_uv=False))
 
 
+@dataclass(frozen=True, eq=False)
+class TaskInverse:
+    """What resolves task velocities at one configuration: linear, so worked out once.
+
+    Attributes
+    ----------
+    kinematics : DifferentialKinematics
+    major, secondary : (n, l) array
+        Reduced rates per task velocity, the parts that serve the major and the secondary task.
+    rank, transmission
+        See `ResolvedRate`.
+    """
+
+    kinematics: DifferentialKinematics
+    major: FloatArray
+    secondary: FloatArray
+    rank: int
+    transmission: float
+
+    def resolved(self, velocity: FloatArray) -> ResolvedRate:
+        """Return the actuator rates for a task velocity (l,) in the task's order.
+
+        Raises
+        ------
+        ArrayError
+            If the velocity has the wrong length or is not finite.
+        """
+        count = len(self.kinematics.task.coordinates)
+        asked = frozen_array(velocity, (count,), 'task velocity')
+        # The size is taken out first, so that a huge velocity overflows nowhere on the way.
+        size = max(map(abs, asked.tolist()))
+        unit = asked / size if size > 0.0 else asked
+        size = min(size, LARGEST_SPEED)
+        return ResolvedRate(
+            kinematics=self.kinematics,
+            velocity=asked,
+            major=_frozen(size * (self.major @ unit)),
+            secondary=_frozen(size * (self.secondary @ unit)),
+            rank=self.rank,
+            transmission=self.transmission,
+        )
+
+
+def task_inverse(
+    kinematics: DifferentialKinematics,
+    *,
+    twist_scale: FloatArray | None = None,
+    rate_scale: FloatArray | None = None,
+    singular_below: float = SINGULAR_BELOW,
+) -> TaskInverse:
+    """Return what resolves task velocities (docs/theory.md, eq. 22).
+
+    Parameters
+    ----------
+    kinematics : DifferentialKinematics
+        Of the mechanism as it is, failures included.
+    twist_scale : (l,) array, optional
+        Turns task velocities into metres per second; ones by default.
+    rate_scale : (N,) array, optional
+        Turns actuator rates into metres per second; ones by default.
+    singular_below : float
+        See `SINGULAR_BELOW`.
+    """
+    task = kinematics.task
+    rows, others = task.major_rows, task.secondary_rows
+    weights = np.ones(len(task.coordinates)) if twist_scale is None else twist_scale
+    coordinates = drive_coordinates(kinematics, rate_scale)
+    jacobian = (weights[:, None] * kinematics.jacobian) @ coordinates
+    left, sigma, right = np.linalg.svd(jacobian[rows])
+    driven = int((sigma > singular_below).sum())
+    # Per task velocity in metres per second, in the coordinates of the drives.
+    major = np.zeros((len(coordinates), len(weights)))
+    major[:, rows] = (right[:driven].T / sigma[:driven]) @ left[:, :driven].T
+
+    secondary = np.zeros_like(major)
+    free = right[rank_of(sigma, max(1.0, float(sigma.max(initial=0.0)))) :].T
+    if others.size and free.shape[1]:
+        left, gains, mixed = np.linalg.svd(jacobian[others] @ free, full_matrices=False)
+        kept = gains > singular_below
+        missing = -jacobian[others] @ major
+        missing[np.arange(len(others)), others] += 1.0
+        secondary = free @ ((mixed[kept].T / gains[kept]) @ (left[:, kept].T @ missing))
+
+    return TaskInverse(
+        kinematics=kinematics,
+        major=_frozen((coordinates @ major) * weights),
+        secondary=_frozen((coordinates @ secondary) * weights),
+        rank=driven,
+        transmission=_smallest(sigma, len(rows)),
+    )
+
+
 def resolved_rate(
     kinematics: DifferentialKinematics,
     velocity: FloatArray,
@@ -124,57 +216,17 @@ def resolved_rate(
     rate_scale: FloatArray | None = None,
     singular_below: float = SINGULAR_BELOW,
 ) -> ResolvedRate:
-    """Return the actuator rates for a task velocity (docs/theory.md, eq. 22).
-
-    Parameters
-    ----------
-    kinematics : DifferentialKinematics
-        Of the mechanism as it is, failures included.
-    velocity : (l,) array
-        Task velocity in the task's order, finite.
-    twist_scale : (l,) array, optional
-        Turns task velocities into metres per second; ones by default.
-    rate_scale : (N,) array, optional
-        Turns actuator rates into metres per second; ones by default.
-    singular_below : float
-        See `SINGULAR_BELOW`.
+    """Return the actuator rates for one task velocity (l,): see `task_inverse`.
 
     Raises
     ------
     ArrayError
         If the velocity has the wrong length or is not finite.
     """
-    task = kinematics.task
-    asked = frozen_array(velocity, (len(task.coordinates),), 'task velocity')
-    # The size is taken out first, so that a huge velocity overflows nowhere on the way.
-    size = float(np.max(np.abs(asked)))
-    unit = asked / size if size > 0.0 else asked
-    size = min(size, LARGEST_SPEED)
-
-    rows, others = task.major_rows, task.secondary_rows
-    weights = np.ones(len(asked)) if twist_scale is None else twist_scale
-    coordinates = drive_coordinates(kinematics, rate_scale)
-    jacobian, wanted = (weights[:, None] * kinematics.jacobian) @ coordinates, weights * unit
-    left, sigma, right = np.linalg.svd(jacobian[rows])
-    driven = int((sigma > singular_below).sum())
-    major = right[:driven].T @ ((left[:, :driven].T @ wanted[rows]) / sigma[:driven])
-
-    secondary = np.zeros_like(major)
-    free = right[rank_of(sigma, max(1.0, float(sigma.max(initial=0.0)))) :].T
-    if others.size and free.shape[1]:
-        left, gains, mixed = np.linalg.svd(jacobian[others] @ free, full_matrices=False)
-        kept = gains > singular_below
-        missing = wanted[others] - jacobian[others] @ major
-        secondary = free @ (mixed[kept].T @ ((left[:, kept].T @ missing) / gains[kept]))
-
-    return ResolvedRate(
-        kinematics=kinematics,
-        velocity=asked,
-        major=_frozen(size * (coordinates @ major)),
-        secondary=_frozen(size * (coordinates @ secondary)),
-        rank=driven,
-        transmission=_smallest(sigma, len(rows)),
+    inverse = task_inverse(
+        kinematics, twist_scale=twist_scale, rate_scale=rate_scale, singular_below=singular_below
     )
+    return inverse.resolved(velocity)
 
 
 def drive_coordinates(

@@ -34,6 +34,8 @@ class Settings:
         What an unknown failure mode at level ERROR leads to.
     recovery : bool
         False: go on commanding as if nothing had failed (for comparison; it still stops).
+    anticipate : bool
+        Whether `Supervisor.anticipate` works out in advance what each next failure comes to.
     stroke_gain : float
         1/s: how fast actuators may approach the ends of their strokes, per distance left.
     slow_below, hold_below : float
@@ -57,6 +59,7 @@ class Settings:
     auto_clear: bool = False
     unknown_mode: UnknownMode = 'stop'
     recovery: bool = True
+    anticipate: bool = True
     stroke_gain: float = 10.0
     slow_below: float = 5e-3
     hold_below: float = 5e-4

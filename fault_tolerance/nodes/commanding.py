@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.control.output import Output
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.nodes.messages import twist_to_msg
+from fault_tolerance.nodes.messages import fill_twist
 
 _FAREWELL_PATIENCE = 0.5
 
@@ -33,7 +33,6 @@ class CommandPublisher:
     def __init__(self, node: Node, mechanism: Mechanism, base_frame: str) -> None:
         self._clock = node.get_clock()
         self._mechanism = mechanism
-        self._base_frame = base_frame
         count = len(mechanism.actuators)
         # One message, written into through numpy: the command waits for nothing it need not.
         self._message = Float64MultiArray(data=array('d', [0.0] * count))
@@ -42,15 +41,23 @@ class CommandPublisher:
             Float64MultiArray, 'velocity_controller/commands', 10
         )
         self._achieved = node.create_publisher(TwistStamped, '~/achieved_velocity', 10)
+        self._twist = TwistStamped()
+        self._twist.header.frame_id = base_frame
+        self._heard = False
+
+    def look_for_listeners(self) -> None:
+        """Find out whether anybody hears of the achieved velocity; takes longer than a command."""
+        self._heard = self._achieved.get_subscription_count() > 0
 
     def send(self, output: Output) -> None:
         """Publish the command, in the units and signs of the drives."""
         # Adding zero turns the -0.0 of a resting drive with sign -1 into 0.0.
         self._rates[:] = self._mechanism.rates_from_readings(output.rates) + 0.0
         self._commands.publish(self._message)
-        if self._achieved.get_subscription_count():
-            stamp = self._clock.now().to_msg()
-            self._achieved.publish(twist_to_msg(stamp, self._base_frame, output.achieved))
+        if self._heard:
+            self._twist.header.stamp = self._clock.now().to_msg()
+            fill_twist(self._twist.twist, output.achieved)
+            self._achieved.publish(self._twist)
 
     @property
     def moving(self) -> bool:

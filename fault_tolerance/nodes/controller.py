@@ -4,11 +4,13 @@
 """The node ``fault_tolerance``: joint states, task velocity and failure reports in, rates out.
 
 A command follows every joint state, and every failure report that changes anything, inside the
-callback that received it; no timer is in the path. All computation is the `Supervisor`'s.
+callback that received it; no timer is in the path, and nothing is told before the command has
+gone out. All computation is the `Supervisor`'s; what can wait is done when no message is waiting.
 """
 
 from __future__ import annotations
 
+import gc
 import sys
 import time
 from typing import Any
@@ -20,21 +22,23 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from fault_tolerance.control.output import Output
+from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.recovery import State
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.commanding import CommandPublisher
 from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
+from fault_tolerance.nodes.idle import IdleTime, Job
 from fault_tolerance.nodes.inputs import InputReader
-from fault_tolerance.nodes.messages import decimal
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
 from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.publishing import MetricsPublisher
 from fault_tolerance.nodes.report_reader import ReportReader
+from fault_tolerance.nodes.scheduling import scheduled_real_time
 from fault_tolerance.nodes.services import OperatorServices
 from fault_tolerance.nodes.spinning import run
+from fault_tolerance.nodes.telling import Teller
 from fault_tolerance.nodes.timeline import TimeLine
 
 NAME = 'fault_tolerance'
@@ -42,6 +46,9 @@ WATCHDOG_PERIOD = 0.01
 """Seconds; what does not arrive is noticed this much after its timeout at the latest."""
 
 METRICS_PERIOD = 0.2
+COLLECTION_PERIOD = 1.0
+"""Seconds between two collections of garbage, which are made in idle time."""
+
 STALL = 0.2
 """Seconds between two watchdog periods that count as a stall."""
 
@@ -57,8 +64,6 @@ class Controller(Node):
         values = declared_values(self, CONTROLLER, _settings)
         mechanism = mechanism_named(values['mechanism'])
         self._supervisor = Supervisor(mechanism, _settings(values))
-        self._announced: tuple[object, ...] = ()
-        self._report_stamp = ''
         self._stepped = False
         self._line = TimeLine(self.get_clock())
         self._ticked = self._line.now()
@@ -69,7 +74,13 @@ class Controller(Node):
         self._inputs = InputReader(mechanism, values['base_frame'], self._line, self._health)
         self._reader = ReportReader(mechanism, prefix, self._line, self._health)
         self._commands = CommandPublisher(self, mechanism, values['base_frame'])
-        self._metrics = MetricsPublisher(self, mechanism, prefix)
+        metrics = MetricsPublisher(self, mechanism, prefix)
+        self._teller = Teller(self, self._supervisor, metrics)
+        self._anticipating = Job(self._supervisor.anticipate)
+        self._collecting = Job(_collect)
+        self.idle = IdleTime(
+            self._teller.changes, self._teller.measures, self._anticipating, self._collecting
+        )
         self._joint_states = self.create_subscription(
             JointState, 'joint_states', self._on_joint_state, _NEWEST_ONLY
         )
@@ -82,50 +93,59 @@ class Controller(Node):
         self._operating = OperatorServices(self, self._supervisor, self._line, self._on_operated)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
-        self.create_timer(METRICS_PERIOD, self._publish_metrics, clock=steady)
+        self.create_timer(METRICS_PERIOD, self._on_metrics_due, clock=steady)
+        self.create_timer(COLLECTION_PERIOD, self._on_collection_due, clock=steady)
         self._line.call_on_jump(self._on_jump)
-        self._announce(self._supervisor.output)
+        self._health.remark(_real_time_notice(values['realtime_priority']))
 
     def farewell(self) -> None:
         """Bring the drives to rest."""
         self._commands.rest()
 
     def _on_joint_state(self, message: JointState) -> None:
+        now = self._line.now()
+        self.idle.activity += 1
         taken = self._inputs.joint_values(message, self._supervisor.failures.lost)
-        if taken is not None:
-            notice = self._supervisor.joint_reading(taken.values, self._line.now(), taken.stamp)
-            self._health.remark(notice)
-            if notice is None:
-                self._cycle()
+        if taken is None:
+            return
+        notice = self._supervisor.joint_reading(taken.values, now, taken.stamp)
+        if notice is None:
+            self._cycle(now)
+            self.idle.regular_message(now)
+            self._anticipating.due = True
+        self._health.remark(notice)
 
     def _on_task_velocity(self, message: TwistStamped) -> None:
+        self.idle.activity += 1
         taken = self._inputs.task_velocity(message)
         if taken is not None:
             notice = self._supervisor.task_velocity(taken.values, self._line.now(), taken.stamp)
             self._health.remark(notice)
 
     def _on_diagnostics(self, raw: bytes) -> None:
+        self.idle.activity += 1
         self._reader.put(raw)
         self._read_reports()
 
     def _read_reports(self) -> None:
-        changed = False
         for batch in self._reader.batches():
-            update = self._supervisor.reports(batch.reports, self._line.now())
+            now = self._line.now()
+            update = self._supervisor.reports(batch.reports, now)
+            if update.changed:
+                self._teller.report_stamp = batch.stamp
+                self._cycle(now)
+                self._health.count(f'failures_{self._supervisor.assessed_by}')
             for notice in update.notices:
                 self._health.remark(notice)
-            if update.changed:
-                changed, self._report_stamp = True, batch.stamp
             if update.changed or any(not notice.rejected for notice in update.notices):
                 self._reader.forget_repeats()
-        if changed:
-            self._cycle()
 
     def _on_jump(self, now: float) -> None:
         self._supervisor.forget_times(now)
-        self._cycle()
+        self._cycle(now)
 
     def _on_watchdog(self) -> None:
+        self.idle.activity += 1
         now = self._line.now()
         if now - self._ticked > STALL:
             self._health.count('stalls')
@@ -138,31 +158,25 @@ class Controller(Node):
             output = self._supervisor.step(now)
             if self._commands.moving and not output.rates.any():
                 self._commands.send(output)
-            self._announce(output)
+            self._teller.note(output)
         self._stepped = False
+        self._teller.no_longer_wait()
 
-    def _cycle(self) -> None:
-        """Compute and send a command, then tell what has changed."""
-        output = self._supervisor.step(self._line.now())
+    def _cycle(self, now: float) -> None:
+        """Compute and send a command; what has changed is told when no message is waiting."""
+        output = self._supervisor.step(now)
         self._commands.send(output)
         self._stepped = True
-        self._announce(output)
+        self._teller.note(output)
 
-    def _announce(self, output: Output) -> None:
-        """Publish state and metrics if they have changed."""
-        if (output.state, output.failures) == self._announced:
-            return
-        if output.state not in self._announced:
-            self._metrics.publish_state(output.state.value)
-        self._announced = (output.state, output.failures)
-        self.get_logger().info(f'{output.state.value}: {output.reason}')
-        self._publish_metrics()
+    def _on_metrics_due(self) -> None:
+        self.idle.activity += 1
+        self._teller.next_metrics()
+        self._commands.look_for_listeners()
 
-    def _publish_metrics(self) -> None:
-        residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
-        further = {'residual': residual, 'report_stamp': self._report_stamp}
-        stamp = self.get_clock().now().to_msg()
-        self._metrics.publish(stamp, self._supervisor.metrics(), further)
+    def _on_collection_due(self) -> None:
+        self.idle.activity += 1
+        self._collecting.due = True
 
     def _present(self) -> tuple[int, str]:
         """Return level and text of the node's own status."""
@@ -180,11 +194,22 @@ class Controller(Node):
 
     def _on_operated(self) -> None:
         self._reader.forget_repeats()
-        self._cycle()
+        self._cycle(self._line.now())
 
 
 def _settings(values: dict[str, Any]) -> Settings:
     return Settings(**settings_from(Settings, values), clock=time.perf_counter)
+
+
+def _collect() -> bool:
+    gc.collect()
+    return False
+
+
+def _real_time_notice(priority: int) -> Notice | None:
+    """Ask for real-time scheduling; return the warning that it was not granted, if so."""
+    refused = scheduled_real_time(priority)
+    return Notice('real_time', refused, rejected=False) if refused else None
 
 
 def main(args: list[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
@@ -60,9 +60,14 @@ def twist_from_msg(message: TwistStamped) -> FloatArray:
 def twist_to_msg(stamp: Time, frame: str, twist: FloatArray) -> TwistStamped:
     """Return the message for a twist ``[w; v]`` (6,)."""
     message = TwistStamped(header=Header(stamp=stamp, frame_id=frame))
-    angular, linear = message.twist.angular, message.twist.linear
-    angular.x, angular.y, angular.z, linear.x, linear.y, linear.z = twist.tolist()
+    fill_twist(message.twist, twist)
     return message
+
+
+def fill_twist(message: Twist, twist: FloatArray) -> None:
+    """Write a twist ``[w; v]`` (6,) into a message."""
+    angular, linear = message.angular, message.linear
+    angular.x, angular.y, angular.z, linear.x, linear.y, linear.z = twist.tolist()
 
 
 def pose_from_msg(message: PoseStamped) -> FloatArray:

@@ -61,6 +61,10 @@ CONTROLLER = (
         'false: command as if nothing had failed, for comparison only',
     ),
     Parameter(
+        'anticipate', Settings.anticipate,
+        'work out in idle time what each next failure comes to, so that a report need not wait',
+    ),
+    Parameter(
         'stroke_gain', Settings.stroke_gain,
         'rate allowed near an end of the stroke, per distance left', '1/s', (1e-3, 1e4),
     ),
@@ -83,6 +87,11 @@ CONTROLLER = (
         'hold when redundant joint readings contradict each other by more than this share of '
         'the characteristic length',
         '', (1e-9, 1e9),
+    ),
+    Parameter(
+        'realtime_priority', 0,
+        'priority under SCHED_FIFO, where the system grants it; 0: ordinary scheduling',
+        '', (0, 99),
     ),
 )
 

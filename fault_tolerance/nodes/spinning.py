@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.nodes.idle import IdleTime
 
 BAD_SET_UP = 2
 """Exit code of a node that could not be set up."""
@@ -63,25 +64,37 @@ def run(name: str, create: Callable[[], Node], args: list[str] | None = None) ->
         node = create()
         executor = make_executor()
         executor.add_node(node)
+        idle = getattr(node, 'idle', None)
+        # Garbage is collected in idle time where a node provides for it, and not in between.
         gc.collect()
         gc.freeze()
+        if idle is not None:
+            gc.disable()
         while not leaving and rclpy.ok():
-            _spin_once(executor, node)
+            _turn(executor, node, idle)
         if hasattr(node, 'farewell') and rclpy.ok():
             node.farewell()
         executor.remove_node(node)
     except _SET_UP_ERRORS as error:
         return _refused(name, error)
     finally:
+        gc.enable()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
 
 
-def _spin_once(executor: Executor, node: Node) -> None:
+def _turn(executor: Executor, node: Node, idle: IdleTime | None) -> None:
+    """Wait for a message and take it, or do what is due while none is waiting."""
     try:
-        executor.spin_once(timeout_sec=_PATIENCE)
+        if idle is None or idle.next_job() is None:
+            executor.spin_once(timeout_sec=_PATIENCE)
+            return
+        activity = idle.activity
+        executor.spin_once(timeout_sec=0.0)
+        if idle.activity == activity and (job := idle.next_job()) is not None:
+            job.do()
     except ExternalShutdownException:
         pass
     except Exception as error:  # a callback failed: that must not take the node down

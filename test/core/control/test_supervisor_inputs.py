@@ -245,7 +245,7 @@ def broken_step(monkeypatch):
     def fail(*_args, **_kwargs):
         raise RuntimeError('a\nfault')
 
-    monkeypatch.setattr('fault_tolerance.control.command.resolved_rate', fail)
+    monkeypatch.setattr('fault_tolerance.control.command.CommandLaw.resolved', fail)
 
 
 def test_internal_errors_give_zeros_at_once_and_stop_in_the_end(monkeypatch):

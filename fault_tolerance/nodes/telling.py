@@ -1,0 +1,78 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""State and metrics, told after the command they go with."""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+from fault_tolerance.control.output import Output
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.nodes.idle import Job
+from fault_tolerance.nodes.messages import decimal
+from fault_tolerance.nodes.publishing import MetricsPublisher
+
+
+class Teller:
+    """Publishes and logs what has changed, and the metrics.
+
+    Parameters
+    ----------
+    node : Node
+    supervisor : Supervisor
+    metrics : MetricsPublisher
+
+    Attributes
+    ----------
+    changes : Job
+        Tells of a new state or new failures, at once.
+    measures : Job
+        Publishes the metrics.
+    report_stamp : str
+        Stamp of the last report that changed anything.
+    """
+
+    def __init__(self, node: Node, supervisor: Supervisor, metrics: MetricsPublisher) -> None:
+        self.changes = Job(self._tell, urgent=True)
+        self.measures = Job(self._measure)
+        self.report_stamp = ''
+        self._node = node
+        self._supervisor = supervisor
+        self._metrics = metrics
+        self._told: tuple[object, ...] = ()
+        self._tell()
+
+    def note(self, output: Output) -> None:
+        """See whether there is anything to tell."""
+        if (output.state, output.failures) != self._told:
+            self.changes.due = True
+
+    def no_longer_wait(self) -> None:
+        """Tell what is due: there has been no idle time for so long."""
+        if self.changes.due:
+            self.changes.do()
+
+    def next_metrics(self) -> None:
+        """Have the metrics published, the last ones now if they have not been yet."""
+        if self.measures.due:
+            self.measures.do()
+        else:
+            self.measures.due = True
+
+    def _tell(self) -> bool:
+        output = self._supervisor.output
+        if (output.state, output.failures) != self._told:
+            if output.state not in self._told:
+                self._metrics.publish_state(output.state.value)
+            self._told = (output.state, output.failures)
+            self._node.get_logger().info(f'{output.state.value}: {output.reason}')
+            self._measure()
+        return False
+
+    def _measure(self) -> bool:
+        residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
+        further = {'residual': residual, 'report_stamp': self.report_stamp}
+        stamp = self._node.get_clock().now().to_msg()
+        self._metrics.publish(stamp, self._supervisor.metrics(), further)
+        return False
