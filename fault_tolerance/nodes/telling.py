@@ -57,8 +57,7 @@ class Teller:
         """Have the metrics published, the last ones now if they have not been yet."""
         if self.measures.due:
             self.measures.do()
-        else:
-            self.measures.due = True
+        self.measures.due = True
 
     def _tell(self) -> bool:
         output = self._supervisor.output
