@@ -2,7 +2,7 @@
 # is sourced that one is used, elsewhere rclpy and its middleware come as wheels.
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test test-pins lint colcon clean
+.PHONY: help venv demo bench test test-pins lint colcon clean
 
 PYTHON ?= python3
 PACKAGE := fault_tolerance
@@ -63,6 +63,17 @@ $(STAMP): setup.py setup.cfg package.xml
 
 demo: venv  ## Run the demonstration (ENGINE=... and ARGS=... are passed on)
 	@$(RUN) -m $(PACKAGE) demo $(if $(ENGINE),--engine $(ENGINE)) $(ARGS)
+
+bench: $(VENV)/.peers  ## Measure speed, beside peers where they install (ARGS=--quick: a short run)
+	$(RUN) -m benchmark $(ARGS)
+
+# Where not all install, each is tried: what does not is left out of the comparison.
+$(VENV)/.peers: $(STAMP)
+	@$(RUN) -m pip install -q --disable-pip-version-check -e '.[bench]' 2>/dev/null || \
+	for peer in mink mujoco pin pin-pink; do \
+	  $(RUN) -m pip install -q --disable-pip-version-check "$$peer" 2>/dev/null || \
+	  echo "make: $$peer does not install here: left out"; done
+	@touch $@
 
 test: venv  ## Run every test, the ROS ones also with message fields checked
 	ROS_PYTHON_CHECK_FIELDS=1 $(RUN) -m pytest test/ros $(ARGS)

@@ -64,6 +64,14 @@ setup(
             'setuptools',
             'wheel',
         ],
+        # Peers to compare speed with; each is optional.
+        'bench': [
+            'matplotlib',
+            'mink',
+            'mujoco',
+            'pin',
+            'pin-pink',
+        ],
         'dev': [
             'mypy',
             'ruff',

@@ -39,7 +39,7 @@ def main() -> int:
     """Publish until a signal."""
     name, rate, priority = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
     mechanism = mechanism_named(name)
-    places = circle(name, 2000)
+    places = circle(name)
     leaving: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: leaving.append(number))

@@ -12,8 +12,6 @@ of the new kinematics. The stuck actuator's rate, exactly 0, tells that command.
 
 from __future__ import annotations
 
-import os
-import sys
 from array import array
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -25,6 +23,7 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmark.echo import ARRAY, JOINT_STATE, NEWEST_ONLY, topics
 from benchmark.motion import circle
+from benchmark.names import ARRAY_ECHO, COMMAND, FAILURE, JOINT_STATE_ECHO, RELEASE
 from benchmark.prober import (
     LostAnswer,
     Mailbox,
@@ -35,23 +34,24 @@ from benchmark.prober import (
     twist,
 )
 from benchmark.processes import Processes
-from benchmark.samples import row
+from benchmark.samples import main, row
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 MECHANISM = 'mirror_4_strut'
 ROUNDS = 250
 """Messages of each kind in a repeat."""
 
+QUICK_ROUNDS = 20
 SPACING = 0.0015
 """Seconds of rest after every answer, so that nothing queues."""
 
 _BURST = 400
 NAMES = {
-    JOINT_STATE: 'echo of a joint state',
-    ARRAY: 'echo of an array',
-    'command': 'joint state -> command',
-    'report': 'failure report -> first new command',
-    'release': 'release -> first new command',
+    JOINT_STATE: JOINT_STATE_ECHO,
+    ARRAY: ARRAY_ECHO,
+    'command': COMMAND,
+    'report': FAILURE,
+    'release': RELEASE,
 }
 
 
@@ -163,9 +163,10 @@ class Conversation:
 
 
 def run(
-    repeats: int = 5, rounds: int = ROUNDS, mechanism: str = MECHANISM
+    repeats: int = 5, quick: bool = False, mechanism: str = MECHANISM
 ) -> list[dict[str, Any]]:
-    """Return the rows of this benchmark."""
+    """Return the rows of this benchmark; ``quick`` ones say little."""
+    rounds = QUICK_ROUNDS if quick else ROUNDS
     commands = {
         JOINT_STATE: ['benchmark.echo', JOINT_STATE],
         ARRAY: ['benchmark.echo', ARRAY],
@@ -189,6 +190,7 @@ def run(
                     lost[kind] += 1
         cpu = _cpu(conversation, processes, min(_BURST, 2 * rounds))
         kind = prober.executor_kind
+        derivations = _derivations(prober)
     struts = len(mechanism_named(mechanism).struts)
     return [
         row(
@@ -198,6 +200,7 @@ def run(
             note=f'{rounds} a repeat, round trip between two processes, {kind}',
             lost=lost[name],
             **({'cpu_us': round(cpu[name], 1)} if name in cpu else {}),
+            **(derivations if name == 'report' else {}),
         )
         for name, values in samples.items()
     ]
@@ -245,7 +248,25 @@ def _cpu(conversation: Conversation, processes: Processes, count: int) -> dict[s
     return result
 
 
+def _derivations(prober: Prober) -> dict[str, int]:
+    """Return how many changes of failures the controller had anticipated, and how many not.
+
+    Half of them are releases, which it does not anticipate.
+    """
+    found: dict[str, int] = {}
+    mailbox = Mailbox(prober.node, DiagnosticArray, '/diagnostics')
+
+    def counted() -> bool:
+        for status in mailbox.last.status if mailbox.last else ():
+            if status.name == 'fault_tolerance: controller':
+                counts = {pair.key: pair.value for pair in status.values}
+                for key in ('failures_anticipated', 'failures_derived'):
+                    found[key] = int(counts.get(key, '0'))
+        return bool(found)
+
+    prober.wait(counted, "the controller's health")
+    return found
+
+
 if __name__ == '__main__':
-    for result in run(int(os.environ.get('REPEATS', '3'))):
-        print(result)
-    sys.exit(0)
+    main(run)

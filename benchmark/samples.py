@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import argparse
+import json
+from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any
 
@@ -57,3 +59,13 @@ def ratio(rows: Sequence[dict[str, Any]], name: str, over: str) -> float | None:
     if len(found) < 2:
         return None
     return median(a / b for a, b in zip(found[name], found[over], strict=True))
+
+
+def main(run: Callable[..., list[dict[str, Any]]]) -> None:
+    """Run one benchmark alone: ``python -m benchmark.NAME [--quick] [--repeats N]``."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument('--quick', action='store_true', help='a short run, which says little')
+    parser.add_argument('--repeats', type=int, default=5)
+    given = parser.parse_args()
+    for one in run(given.repeats, quick=given.quick):
+        print(json.dumps(one))

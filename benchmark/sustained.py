@@ -7,12 +7,11 @@ A generator publishes joint states of a moving mechanism, task velocities, and e
 failure or its end; somebody listens to commands, metrics and achieved velocity. Intervals are
 between the times at which the controller published, as the middleware stamps them.
 
-``python -m benchmark.sustained [SECONDS]`` runs this alone.
+``python -m benchmark.sustained`` runs this alone.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from time import monotonic, sleep
 from typing import Any
@@ -25,18 +24,19 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from benchmark.middleware import MECHANISM, controller_command
+from benchmark.names import SUSTAINED, SUSTAINED_REAL_TIME
 from benchmark.prober import START_PATIENCE, Prober, probing
+from benchmark.samples import main
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.spinning import make_executor
 
 RATE = 1000.0
 DURATION = 60.0
+QUICK_DURATION = 2.0
 PRIORITY = 50
 _PERIOD = 0.01
 _SENSOR = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-NAME = '1 kHz, all in'
-NAME_REAL_TIME = '1 kHz, all in, real-time scheduling'
 
 
 class Stamps:
@@ -67,12 +67,13 @@ class Stamps:
         return (len(self.nanoseconds) - 1) / ((last - first) * 1e-9)
 
 
-def run(repeats: int = 1, duration: float = DURATION) -> list[dict[str, Any]]:
+def run(repeats: int = 1, quick: bool = False) -> list[dict[str, Any]]:
     """Return the rows of this benchmark: with ordinary and with real-time scheduling."""
     del repeats  # its samples are the messages of a minute
+    duration = QUICK_DURATION if quick else DURATION
     return [
-        _measured(NAME, duration, 0),
-        _measured(NAME_REAL_TIME, duration, PRIORITY),
+        _measured(SUSTAINED, duration, 0),
+        _measured(SUSTAINED_REAL_TIME, duration, PRIORITY),
     ]
 
 
@@ -114,7 +115,7 @@ def _measured(name: str, duration: float, priority: int) -> dict[str, Any]:
             'input_rate_hz': round(given.rate, 2),
             'input_p99_us': round(float(np.percentile(given_error, 99)), 1),
             'cpu_us': round(1e6 * cpu / count, 1),
-            'metrics_rate_hz': round(metrics.rate, 2),
+            'metrics_rate_hz': round(len(metrics.nanoseconds) / duration, 2),
             'achieved_velocity_rate_hz': round(achieved.rate, 2),
         }
 
@@ -131,5 +132,4 @@ def _listen(
 
 
 if __name__ == '__main__':
-    for result in run(1, float(sys.argv[1]) if len(sys.argv) > 1 else 10.0):
-        print(result)
+    main(run)

@@ -1,0 +1,18 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Names of the rows that targets speak of."""
+
+JOINT_STATE_ECHO = 'echo of a joint state'
+ARRAY_ECHO = 'echo of an array'
+COMMAND = 'joint state -> command'
+FAILURE = 'failure report -> first new command'
+RELEASE = 'release -> first new command'
+SUSTAINED = '1 kHz, all in'
+SUSTAINED_REAL_TIME = '1 kHz, all in, real-time scheduling'
+
+CYCLE = 'control cycle'
+PINOCCHIO = 'pinocchio'
+MEASURES = 'all single and double measures'
+DEFINITIONS = 'all single and double measures by definition'
+PAIRS = 'measures of all pairs'
