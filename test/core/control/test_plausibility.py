@@ -1,0 +1,146 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Readings that cannot be true are told of, and not gone by where they contradict each other."""
+
+import numpy as np
+import pytest
+from core.control.control_cases import fed, feed, report
+
+from fault_tolerance.control.recovery import State
+from fault_tolerance.control.reports import WARN
+from fault_tolerance.mechanism.catalogue import mechanism_named
+
+MIRROR = mechanism_named('mirror_4_strut')
+HIGHEST = MIRROR.position_limits[0, 1]
+ASKED = [5e-3, 0.0, 0.0]
+PERIOD = 0.02
+DIRECTION = np.array([1.0, 0.0, -1.0, 0.0])
+
+
+def reasons(output):
+    return [notice.reason for notice in output.notices]
+
+
+@pytest.mark.parametrize(('excess', 'told'), [(1e-7, False), (1e-5, True)])
+def test_a_reading_beyond_its_stroke_is_used_and_told_of(excess, told):
+    supervisor = fed(MIRROR, velocity=ASKED)
+    feed(supervisor, PERIOD, ASKED, (HIGHEST + excess) * DIRECTION)
+    output = supervisor.step(PERIOD)
+
+    assert output.state is State.NOMINAL
+    np.testing.assert_allclose(
+        output.configuration.actuator_values, (HIGHEST + excess) * DIRECTION, atol=1e-9
+    )
+    assert output.out_of_range == (('theta_1', 'theta_3') if told else ())
+    assert reasons(output) == (['out_of_range'] if told else [])
+    assert ('theta_1, theta_3: beyond the stroke' in output.reason) is told
+    metrics = supervisor.metrics()
+    assert (metrics.level == WARN) is told
+    assert metrics.out_of_range == output.out_of_range
+
+    feed(supervisor, 2 * PERIOD, ASKED)
+    assert supervisor.step(2 * PERIOD).notices == ()
+
+
+def test_a_lost_struts_reading_is_nowhere_out_of_range():
+    supervisor = fed(MIRROR)
+    supervisor.reports([report('lost', 'strut_1')], 0.0)
+    feed(supervisor, 0.0, ASKED, np.array([1.0, 0.0, 0.0, 0.0]))
+
+    assert supervisor.step(0.0).out_of_range == ()
+
+
+def run(moved, asked=ASKED, failures=(), seconds=2.5, **options):
+    """Let commands be followed, by the share ``moved`` of each actuator; return all outputs."""
+    supervisor = fed(MIRROR, **options)
+    supervisor.reports([report(*failure) for failure in failures], 0.0)
+    values, outputs = np.zeros(4), []
+    for number in range(1, round(seconds / PERIOD)):
+        now = number * PERIOD
+        sign = 1.0 if number % 10 < 5 else -1.0
+        feed(supervisor, now, sign * np.array(asked), values)
+        outputs.append(supervisor.step(now))
+        values = values + PERIOD * np.asarray(moved) * outputs[-1].rates
+    return outputs
+
+
+def test_what_moves_as_told_and_what_is_stuck_and_rests_is_no_matter_for_a_warning():
+    for failures in ((), (('stuck', 'theta_4'),), (('free', 'theta_2'),), (('lost', 'strut_3'),)):
+        assert not any(output.notices for output in run(np.ones(4), failures=failures))
+
+
+def test_a_stuck_actuator_that_moves_is_told_of():
+    supervisor = fed(MIRROR)
+    supervisor.reports([report('stuck', 'theta_4')], 0.0)
+    outputs = []
+    for number in range(1, 125):
+        now = number * PERIOD
+        away = 1e-5 * np.sin(10.0 * now)
+        feed(supervisor, now, ASKED, away * np.array([-1.0, 1.0, -1.0, 1.0]))
+        outputs.append(supervisor.step(now))
+
+    assert outputs[-1].inconsistent == ('theta_4',)
+    assert reasons(outputs[-1]) == ['inconsistent']
+    assert 'theta_4: reported stuck, but moving' in outputs[-1].reason
+    assert outputs[-1].state is State.DEGRADED
+    assert supervisor.metrics().level == WARN
+    # Mended, reported so and cleared it is no contradiction any more.
+    supervisor.reports([report('none', 'theta_4')], 2.5)
+    supervisor.clear(2.5)
+    assert supervisor.step(2.51).notices == ()
+
+
+def test_an_actuator_that_rests_though_told_to_move_is_told_of_in_time():
+    # Small enough a motion to contradict no other reading by much.
+    outputs = run([1.0, 1.0, 0.0, 1.0], asked=[5e-3, 5e-3, 0.0], misfit_limit=1.0)
+
+    assert not any(output.notices for output in outputs[:95])
+    assert outputs[-1].inconsistent == ('theta_3',)
+    assert 'theta_3: told to move, but at rest' in outputs[-1].reason
+    assert outputs[-1].state is State.NOMINAL
+
+
+def test_noise_is_not_taken_for_motion():
+    rng = np.random.default_rng(3)
+    supervisor = fed(MIRROR)
+    supervisor.reports([report('stuck', 'theta_4')], 0.0)
+    for number in range(1, 125):
+        now = number * PERIOD
+        feed(supervisor, now, values=2e-9 * rng.standard_normal(4))
+        assert supervisor.step(now).notices == ()
+
+
+def test_a_comparison_starts_anew_after_a_gap():
+    supervisor = fed(MIRROR)
+    supervisor.reports([report('stuck', 'theta_4')], 0.0)
+    for number in range(1, 125):
+        now = number * PERIOD + (10.0 if number > 45 else 0.0)
+        # Carried somewhere else while nobody looked.
+        there = 1e-5 * np.array([-1.0, 1.0, -1.0, 1.0]) * (number > 45)
+        feed(supervisor, now, values=there)
+        assert supervisor.step(now).inconsistent == ()
+
+
+def test_readings_in_contradiction_hold_it_with_the_reason_until_they_agree():
+    supervisor = fed(MIRROR, velocity=ASKED)
+    # Opposite struts up, the others down: no plate does that. Misfit: all of it.
+    warped = np.array([1.0, -1.0, 1.0, -1.0])
+    limit = supervisor.settings.misfit_limit * MIRROR.characteristic_length
+    states = []
+    for number, share in enumerate((0.9, 1.1, 0.9, 0.7, 0.9), start=1):
+        feed(supervisor, number * PERIOD, ASKED, share * limit * warped)
+        output = supervisor.step(number * PERIOD)
+        states.append(output.state)
+        assert output.rates.any() == (output.state is State.NOMINAL)
+        assert ('joint readings contradict each other' in output.reason) is not output.rates.any()
+
+    # Once it holds, it takes clearly less to go on.
+    assert states == [State.NOMINAL, State.HOLD, State.HOLD, State.NOMINAL, State.NOMINAL]
+
+
+def test_a_mechanism_without_redundant_readings_has_nothing_to_contradict():
+    supervisor = fed(mechanism_named('mirror_3_strut'), velocity=ASKED)
+    feed(supervisor, PERIOD, ASKED, np.array([3e-4, 0.0, -3e-4]))
+
+    assert supervisor.step(PERIOD).state is State.NOMINAL
