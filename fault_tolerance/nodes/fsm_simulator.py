@@ -27,8 +27,9 @@ from fault_tolerance.nodes.parameter_tables import SIMULATOR
 from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
-from fault_tolerance.simulation.plant import LONGEST_STEP, ElasticPlant
+from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.state import LONGEST_STEP
 
 NAME = 'fsm'
 MARKER_PERIOD = 0.1
