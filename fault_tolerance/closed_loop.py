@@ -22,9 +22,10 @@ from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.faults import FaultBook, fault_command
-from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.reference import Circle, Reference
 from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.state import Plant
 
 ERROR_LEVEL = 2
 
@@ -44,6 +45,8 @@ class LoopSettings:
     plant : PlantSettings
     seed : int
         Of the sensor noise.
+    engine : str
+        What simulates the mechanism, one of `simulation.engines.ENGINES`.
     """
 
     period: float = 0.004
@@ -52,6 +55,7 @@ class LoopSettings:
     control: Settings = Settings()
     plant: PlantSettings = PlantSettings()
     seed: int = 1
+    engine: str = 'elastic'
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,8 @@ class ClosedLoop:
     reference : Reference, optional
         A circle of 1 mrad at 1 Hz by default.
     settings : LoopSettings, optional
+    plant : Plant, optional
+        Of this mechanism; by default one of `LoopSettings.engine`, as the settings say.
     """
 
     def __init__(
@@ -109,11 +115,13 @@ class ClosedLoop:
         mechanism: Mechanism,
         reference: Reference | None = None,
         settings: LoopSettings | None = None,
+        plant: Plant | None = None,
     ) -> None:
         self.mechanism = mechanism
         self.settings = settings or LoopSettings()
         self._reference = reference or Circle()
-        self.plant = ElasticPlant(mechanism, self.settings.plant, self.settings.seed)
+        chosen = self.settings
+        self.plant = plant or plant_named(chosen.engine, mechanism, chosen.plant, chosen.seed)
         self.supervisor = Supervisor(mechanism, self.settings.control)
         self._book = FaultBook()
         self._now = 0.0

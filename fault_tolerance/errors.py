@@ -84,3 +84,7 @@ class FailureError(FaultToleranceError, ValueError):
         self.word = word
         self.reason = reason
         self.valid = valid
+
+
+class EngineError(FaultToleranceError, RuntimeError):
+    """A simulation engine is missing or has gone wrong."""

@@ -27,6 +27,9 @@ PLATFORM = 'platform'
 TIMESTEP = 2.5e-4
 """Seconds; the drives below swing with 0.63 rad a step."""
 
+CONSTRAINT_TIME = 2.0 * TIMESTEP
+"""Time constant of the constraints, seconds: the shortest that MuJoCo lets a time step have."""
+
 RATE_SERVO = '{}/rate'
 """Name of an actuator's velocity servo; its position servo and its lock have the actuator's."""
 

@@ -1,0 +1,43 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The engines that can simulate a mechanism, by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fault_tolerance.errors import EngineError
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.simulation.mujoco import MujocoPlant
+from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.state import Plant
+
+_ENGINES: dict[str, type[ElasticPlant] | type[MujocoPlant]] = {
+    'elastic': ElasticPlant,
+    'mujoco': MujocoPlant,
+}
+
+ENGINES = tuple(_ENGINES)
+"""The words `plant_named` understands; the first one needs no other package."""
+
+
+def plant_named(
+    engine: str,
+    mechanism: Mechanism,
+    settings: PlantSettings | None = None,
+    rng: np.random.Generator | int = 0,
+) -> Plant:
+    """Return ``mechanism``, simulated by the engine named.
+
+    Raises
+    ------
+    EngineError
+        If there is no such engine, or the package it needs is missing.
+    MechanismError
+        If the mechanism is given by numbers only.
+    """
+    if engine not in _ENGINES:
+        raise EngineError(f'engine {engine!r} is not one of {", ".join(ENGINES)}')
+    return _ENGINES[engine](mechanism, settings, rng)
