@@ -21,8 +21,8 @@ from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.simulation.faults import FaultBook, fault_command
 from fault_tolerance.simulation.engines import plant_named
+from fault_tolerance.simulation.faults import FaultBook, fault_command
 from fault_tolerance.simulation.reference import Circle, Reference
 from fault_tolerance.simulation.settings import PlantSettings
 from fault_tolerance.simulation.state import Plant

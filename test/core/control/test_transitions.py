@@ -78,7 +78,7 @@ def test_after_a_clear_the_secondary_motion_is_eased_in_and_the_major_task_goes_
     run.release()
     outputs = [before, *run.steps(40)]
 
-    changes = [np.linalg.norm(b.rates - a.rates) for a, b in zip(outputs, outputs[1:])]
+    changes = [np.linalg.norm(b.rates - a.rates) for a, b in zip(outputs, outputs[1:], strict=False)]
     assert max(changes) <= 1.0 * PERIOD * (1.0 + 1e-9)
     for output in outputs:
         np.testing.assert_allclose(output.achieved[:2], ASKED[:2], atol=1e-12)
