@@ -71,7 +71,7 @@ def run(name: str, create: Callable[[], Node], args: list[str] | None = None) ->
         if idle is not None:
             gc.disable()
         while not leaving and rclpy.ok():
-            _turn(executor, node, idle)
+            turn(executor, node, idle)
         if hasattr(node, 'farewell') and rclpy.ok():
             node.farewell()
         executor.remove_node(node)
@@ -85,7 +85,7 @@ def run(name: str, create: Callable[[], Node], args: list[str] | None = None) ->
     return 0
 
 
-def _turn(executor: Executor, node: Node, idle: IdleTime | None) -> None:
+def turn(executor: Executor, node: Node, idle: IdleTime | None) -> None:
     """Wait for a message and take it, or do what is due while none is waiting."""
     try:
         if idle is None or idle.next_job() is None:

@@ -133,6 +133,11 @@ class Probe:
         """Spin until something happens, or ``patience`` seconds are over."""
         self._executor.spin_once(timeout_sec=patience)
 
+    def spin_until(self, moment: float) -> None:
+        """Spin until a moment of the monotonic clock, no longer."""
+        while (left := moment - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
     def call(self, kind: type, service: str, request: Any) -> Any:
         """Return the answer of a service."""
         client = self.node.create_client(kind, service)

@@ -1,0 +1,104 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Under load: every message is taken, and a flood of diagnostics costs the commands nothing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from node_rig import Plant, Probe
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_msgs.msg import UInt32
+
+from fault_tolerance.nodes.idle import IdleTime, Job
+from fault_tolerance.nodes.spinning import make_executor, turn
+
+HERE = Path(__file__).parent
+WINDOW = 2.5
+RATE = 100.0
+WINDOWS = 3
+"""Attempts: the machine itself may be in the way."""
+
+
+def test_every_message_of_a_run_is_taken_once_and_in_order(ros):
+    node, executor = Node('counter', enable_rosout=False), make_executor()
+    executor.add_node(node)
+    everything = QoSProfile(depth=5000)
+    taken: list[int] = []
+
+    # Idle work that never ends must not keep messages out either.
+    endless = Job(lambda: True, urgent=True)
+    endless.due = True
+    idle = IdleTime(endless)
+
+    def take(message: UInt32) -> None:
+        idle.activity += 1
+        taken.append(message.data)
+
+    node.create_subscription(UInt32, 'counted', take, everything)
+    publisher = node.create_publisher(UInt32, 'counted', everything)
+    deadline = time.monotonic() + 30.0
+    while not publisher.get_subscription_count():
+        assert time.monotonic() < deadline
+        executor.spin_once(timeout_sec=0.02)
+    for number in range(3000):
+        publisher.publish(UInt32(data=number))
+        if number % 7 == 0:
+            turn(executor, node, idle)
+    while len(taken) < 3000:
+        assert time.monotonic() < deadline, f'{len(taken)} of 3000'
+        turn(executor, node, idle)
+    executor.remove_node(node)
+    node.destroy_node()
+    assert taken == list(range(3000))
+
+
+def answered(probe: Probe, plant: Plant) -> float:
+    """Return how many commands come per joint state, at 100 Hz."""
+    before, sent = len(probe.commands), 0
+    begin = time.monotonic()
+    while (passed := time.monotonic() - begin) < WINDOW:
+        if passed * RATE > sent:
+            if sent % 5 == 0:
+                plant.ask(0.01, 0.02)
+            plant.joint_states.publish(plant.joint_state())
+            sent += 1
+        probe.spin_until(begin + sent / RATE)
+    probe.spin(0.1)
+    return (len(probe.commands) - before) / sent
+
+
+def resident(pid: int) -> float:
+    """Return the memory a process holds, megabytes."""
+    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+@pytest.mark.parametrize('kind', ['identical', 'changing'])
+def test_a_flood_of_diagnostics_costs_the_commands_nothing(plant, probe, controller, kind):
+    quiet = answered(probe, plant)
+    assert quiet > 0.8
+    command = [sys.executable, str(HERE / 'flood.py'), kind]
+    flood = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        flood.stdout.readline()
+        answered(probe, plant)  # what buffers there are fill
+        before = resident(controller.process.pid)
+        shares = []
+        while len(shares) < WINDOWS and max(shares, default=0.0) < 0.95 * quiet:
+            shares.append(answered(probe, plant))
+        grown = resident(controller.process.pid) - before
+    finally:
+        flood.kill()
+        sent = int(flood.communicate()[0].split()[-1])
+    assert sent > 1000
+    assert max(shares) >= 0.95 * quiet, (shares, quiet)
+    assert grown < 20.0, f'{grown:.1f} MB more'
+    assert probe.state == 'nominal'
+    print(f'{kind}: {sent} sent, commands per joint state {shares} ({quiet} before)')
