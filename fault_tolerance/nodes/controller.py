@@ -150,7 +150,6 @@ class Controller(Node):
         if now - self._ticked > STALL:
             self._health.count('stalls')
         self._ticked = now
-        self._reader.renew()
         self._read_reports()
         # With joint states coming there is nothing to do; without, it may be time to stop. To
         # set anything moving is not the business of a timer.

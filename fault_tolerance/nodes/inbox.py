@@ -4,39 +4,55 @@
 """Serialised diagnostics waiting to be decoded, so that a flood of them costs next to nothing.
 
 Decoding a DiagnosticArray takes longer than a whole control cycle, and `/diagnostics` belongs to
-everybody. Messages that cannot hold a failure report are left aside unread, repeats too, and of
-the rest only a few are decoded at a time.
+everybody. Messages that cannot hold a failure report are left aside unread, repeats too. Those
+that name a part of this mechanism come first; the others could only be mistakes, to be told of.
+And all decoding together may take no more than a share of the time.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY
 
 MOST_BYTES = 4_000_000
 """Longer messages are left aside."""
 
+SHARE = 0.1
+"""Of the time, that reading may take for long."""
+
+BURST = 0.01
+"""Seconds that it may take at once, after a rest."""
+
 _KEY = FAILURE_MODE_KEY.encode()
 _MOST_WAITING = 64
-_AT_A_TIME = 4
+_MOST_FOREIGN = 2
 # Repeats say that a failure is still reported, so one of them is read now and then.
 _REPEAT_AFTER = 0.5
 
 
 class ReportInbox:
-    """Gives out serialised diagnostic messages, a few at a time.
+    """Gives out serialised diagnostic messages, as many as there is time for.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The parts of this mechanism.
 
     Attributes
     ----------
     dropped : int
-        Messages lost because too many came, or because they were too long.
+        Messages on this mechanism lost because too many came, or because they were too long.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, names: Iterable[str]) -> None:
         self.dropped = 0
+        self._names = tuple(name.encode() for name in names)
         self._waiting: deque[bytes] = deque()
-        self._credit = _AT_A_TIME
+        self._foreign: deque[bytes] = deque(maxlen=_MOST_FOREIGN)
+        self._credit = BURST
+        self._renewed = 0.0
         self._seen: dict[int, float] = {}
 
     def put(self, message: bytes, now: float) -> None:
@@ -45,6 +61,9 @@ class ReportInbox:
             return
         if len(message) > MOST_BYTES:
             self.dropped += 1
+            return
+        if not any(name in message for name in self._names):
+            self._foreign.append(message)
             return
         digest = hash(message)
         if now - self._seen.get(digest, -_REPEAT_AFTER) < _REPEAT_AFTER:
@@ -57,16 +76,20 @@ class ReportInbox:
             self.dropped += 1
         self._waiting.append(message)
 
-    def next(self) -> bytes | None:
-        """Return a message to decode, or None: there is none, or none before `renew`."""
-        if not self._waiting or self._credit == 0:
+    def next(self, now: float) -> bytes | None:
+        """Return a message to decode, or None: there is none, or no time for one yet."""
+        if not (self._waiting or self._foreign):
             return None
-        self._credit -= 1
-        return self._waiting.popleft()
+        self._credit = min(self._credit + SHARE * max(now - self._renewed, 0.0), BURST)
+        self._renewed = now
+        if self._waiting:
+            return self._waiting.popleft() if self._credit > 0.0 else None
+        # Mistakes are told of when there is plenty of time.
+        return self._foreign.popleft() if self._credit >= BURST else None
 
-    def renew(self) -> None:
-        """Allow some more messages to be decoded."""
-        self._credit = _AT_A_TIME
+    def spent(self, seconds: float) -> None:
+        """Take note of how long the reading of a message has taken."""
+        self._credit -= seconds
 
     def forget(self) -> None:
         """Take the next message for news even if it was seen before: something has changed."""

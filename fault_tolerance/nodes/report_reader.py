@@ -48,7 +48,7 @@ class ReportReader:
         self._prefix = prefix
         self._line = line
         self._health = health
-        self._inbox = ReportInbox()
+        self._inbox = ReportInbox(self._names)
 
     def put(self, raw: bytes) -> None:
         """Take a serialised message."""
@@ -58,26 +58,29 @@ class ReportReader:
             text = 'more diagnostics with failure reports than can be read: some are left aside'
             self._health.remark(Notice('flood', text))
 
-    def renew(self) -> None:
-        """Allow some more messages to be read."""
-        self._inbox.renew()
-
     def forget_repeats(self) -> None:
         """Read the next message even if it is a repeat: something has changed."""
         self._inbox.forget()
 
     def batches(self) -> Iterator[Batch]:
-        """Yield the reports of the messages whose turn it is."""
-        while (raw := self._inbox.next()) is not None:
+        """Yield the reports of the messages whose turn it is.
+
+        What is done with one before the next is asked for counts as time spent on it.
+        """
+        begin = self._line.now()
+        while (raw := self._inbox.next(begin)) is not None:
             try:
                 message = deserialize_message(raw, DiagnosticArray)
             except Exception as error:  # the middleware's own, for bytes that are no such message
                 text = f'diagnostics that cannot be decoded: {error}'
                 self._health.remark(Notice('undecodable', text))
-                continue
-            batch = self._batch(message)
-            if batch.reports:
-                yield batch
+            else:
+                batch = self._batch(message)
+                if batch.reports:
+                    yield batch
+            end = self._line.now()
+            self._inbox.spent(end - begin)
+            begin = end
 
     def _batch(self, message: DiagnosticArray) -> Batch:
         stamp = message.header.stamp

@@ -1,6 +1,9 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
-"""A process that floods `/diagnostics`: ``python flood.py identical`` or ``... changing``.
+"""A process that floods `/diagnostics`: ``python flood.py KIND``.
+
+``identical`` and ``changing`` are failure reports on parts that nobody here has, ``ours`` changing
+ones on this mechanism (its strut is fine).
 
 Messages are serialised beforehand, or this process would be busier than whom it floods.
 """
@@ -21,16 +24,16 @@ VARIANTS = 500
 BATCH = 0.01
 
 
-def serialised(number: int, stamp) -> bytes:
-    """Return a message of failure reports on parts that nobody here has."""
+def serialised(number: int, stamp, part: str, mode: str) -> bytes:
+    """Return a message of as many reports."""
     message = DiagnosticArray(
         status=[
             DiagnosticStatus(
                 name=f'drive: wheel_{place}',
-                hardware_id=f'wheel_{place}',
+                hardware_id=part.format(place),
                 level=DiagnosticStatus.ERROR,
                 values=[
-                    KeyValue(key='failure_mode', value='position'),
+                    KeyValue(key='failure_mode', value=mode),
                     KeyValue(key='current', value=str(number)),
                 ],
             )
@@ -43,12 +46,14 @@ def serialised(number: int, stamp) -> bytes:
 
 def main() -> None:
     """Flood until killed; say how many were sent, a line a second."""
-    variants = VARIANTS if sys.argv[1] == 'changing' else 1
+    kind = sys.argv[1]
+    variants = 1 if kind == 'identical' else VARIANTS
+    said = ('strut_1', 'none') if kind == 'ours' else ('wheel_{}', 'position')
     rclpy.init(args=[])
     node = Node('flood', enable_rosout=False)
     publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 100)
     stamp = node.get_clock().now().to_msg()
-    messages = [serialised(number, stamp) for number in range(variants)]
+    messages = [serialised(number, stamp, *said) for number in range(variants)]
     begin, sent, told = time.monotonic(), 0, 0.0
     while True:
         due = int((time.monotonic() - begin) * RATE)

@@ -4,65 +4,96 @@
 
 from __future__ import annotations
 
-from fault_tolerance.nodes.inbox import MOST_BYTES, ReportInbox
+from fault_tolerance.nodes.inbox import BURST, MOST_BYTES, SHARE, ReportInbox
+
+NAMES = ('theta_1', 'strut_1')
 
 
-def report(text: str) -> bytes:
-    return b'failure_mode ' + text.encode()
+def report(text: str, name: str = 'theta_1') -> bytes:
+    return f'failure_mode {name} {text}'.encode()
 
 
-def drained(inbox: ReportInbox) -> list[bytes]:
-    return list(iter(inbox.next, None))
+def drained(inbox: ReportInbox, now: float = 0.0, cost: float = 0.0) -> list[bytes]:
+    """Return what the inbox gives out, each message read in ``cost`` seconds."""
+    found = []
+    while (message := inbox.next(now)) is not None:
+        found.append(message)
+        inbox.spent(cost)
+        now += cost
+    return found
 
 
 def test_what_cannot_be_a_report_is_left_aside():
-    inbox = ReportInbox()
-    inbox.put(b'battery 12 V', 0.0)
+    inbox = ReportInbox(NAMES)
+    inbox.put(b'battery of theta_1 12 V', 0.0)
     assert drained(inbox) == []
     assert inbox.dropped == 0
 
 
 def test_a_repeat_is_left_aside_for_half_a_second():
-    inbox = ReportInbox()
+    inbox = ReportInbox(NAMES)
     for now in (0.0, 0.1, 0.4, 0.6):
         inbox.put(report('a'), now)
     assert drained(inbox) == [report('a'), report('a')]
 
 
 def test_a_repeat_is_news_after_something_changed():
-    inbox = ReportInbox()
+    inbox = ReportInbox(NAMES)
     inbox.put(report('a'), 0.0)
     inbox.forget()
     inbox.put(report('a'), 0.1)
     assert drained(inbox) == [report('a'), report('a')]
 
 
-def test_a_few_are_decoded_at_a_time_in_the_order_they_came():
-    inbox = ReportInbox()
-    for number in range(10):
+def test_after_a_rest_a_few_are_decoded_at_once_in_the_order_they_came():
+    inbox = ReportInbox(NAMES)
+    for number in range(30):
         inbox.put(report(str(number)), 0.0)
-    first = drained(inbox)
-    inbox.renew()
-    second = drained(inbox)
-    assert 0 < len(first) < 10
+    first = drained(inbox, 0.0, BURST / 4)
+    second = drained(inbox, 1.0, BURST / 4)
+    assert 4 <= len(first) <= 6
     assert first + second == [report(str(number)) for number in range(len(first) + len(second))]
 
 
+def test_in_a_flood_reading_takes_no_more_than_its_share_of_the_time():
+    inbox = ReportInbox(NAMES)
+    cost, period, taken = 0.002, 0.001, 0
+    for tick in range(2000):
+        inbox.put(report(str(tick)), tick * period)
+        taken += len(drained(inbox, tick * period, cost))
+    assert 0.8 * SHARE * 2000 * period <= taken * cost <= 1.2 * SHARE * 2000 * period + BURST
+    # The newest are kept.
+    inbox.put(report('last'), 2.0)
+    assert drained(inbox, 10.0)[-1] == report('last')
+
+
 def test_a_flood_is_bounded_and_counted():
-    inbox = ReportInbox()
+    inbox = ReportInbox(NAMES)
     for number in range(1000):
         inbox.put(report(str(number)), 0.0)
-    taken = []
-    while batch := drained(inbox):
-        taken += batch
-        inbox.renew()
+    taken = drained(inbox)
     assert len(taken) + inbox.dropped == 1000
     assert len(taken) < 100
     assert taken[-1] == report('999')
 
 
+def test_what_names_no_part_of_ours_keeps_nothing_of_ours_waiting():
+    inbox = ReportInbox(NAMES)
+    for number in range(1000):
+        inbox.put(report(str(number), 'wheel_1'), 0.0)
+    inbox.put(report('ours', 'strut_1'), 0.0)
+    for number in range(1000):
+        inbox.put(report(str(number), 'wheel_2'), 0.0)
+    found = drained(inbox, 0.0, 0.001)
+    assert found[0] == report('ours', 'strut_1')
+    assert inbox.dropped == 0
+    # Of the others the newest are told of, when there is time.
+    assert set(drained(inbox, 1.0)) <= {report('999', 'wheel_2'), report('998', 'wheel_2')}
+    assert len(found) + len(drained(inbox, 2.0)) < 10
+
+
 def test_a_message_of_absurd_length_is_left_aside():
-    inbox = ReportInbox()
+    inbox = ReportInbox(NAMES)
     inbox.put(report('x' * MOST_BYTES), 0.0)
     assert drained(inbox) == []
     assert inbox.dropped == 1
