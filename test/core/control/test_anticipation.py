@@ -8,10 +8,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from core.control.control_cases import report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.control.control_cases import report
 from fault_tolerance.control import anticipation
 from fault_tolerance.control.anticipation import REACH, RENEWAL, further_sets
 from fault_tolerance.control.recovery import State
