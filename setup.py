@@ -52,10 +52,13 @@ setup(
             'ros-common-interfaces==5.3.6',
         ],
         'plot': ['matplotlib'],
+        # Another engine for the simulated mechanism.
+        'mujoco': ['mujoco>=3.3.6'],
         # colcon looks for pytest under this name to decide that it can test the package.
         'test': [
             'pytest>=7.4',
             'hypothesis',
+            'mujoco>=3.3.6',
             'colcon-bash',
             'colcon-core',
             'colcon-library-path',

@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from fault_tolerance import commands
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.simulation.engines import ENGINES, require_engine
 
 PAPER_MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')
 BAD_INPUT = 2
@@ -91,6 +92,9 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = subparsers.add_parser('demo', help='failures and recovery live, with the ROS nodes')
     demo.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
+    demo.add_argument(
+        '--engine', choices=ENGINES, default=ENGINES[0], help='what simulates the mirror'
+    )
     demo.set_defaults(run=_demo)
 
     inject = subparsers.add_parser('inject', help='break or mend the running simulated mirror')
@@ -182,9 +186,10 @@ def _values(pairs: Sequence[tuple[str, float]]) -> dict[str, float]:
 
 
 def _demo(chosen: argparse.Namespace) -> int:
+    require_engine(chosen.engine)
     with _needing_rclpy():
         from fault_tolerance.nodes.demonstration import demonstrate
-    return demonstrate(Path(chosen.output))
+    return demonstrate(Path(chosen.output), engine=chosen.engine)
 
 
 def _inject(chosen: argparse.Namespace) -> int:

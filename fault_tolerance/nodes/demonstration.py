@@ -28,6 +28,7 @@ from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.demo_operator import Deadline, Operator
 from fault_tolerance.nodes.processes import NodeProcesses
 from fault_tolerance.nodes.spinning import make_executor
+from fault_tolerance.simulation.engines import ENGINES
 
 MECHANISM = 'mirror_4_strut'
 PERIOD = 1.0
@@ -176,7 +177,7 @@ class Demonstration:
         )
 
 
-def demonstrate(folder: Path, phases: Sequence[Phase] = PHASES) -> int:
+def demonstrate(folder: Path, phases: Sequence[Phase] = PHASES, engine: str = ENGINES[0]) -> int:
     """Run the demonstration, write its results to ``folder`` and return the exit code."""
     console = Console()
     mechanism = mechanism_named(MECHANISM)
@@ -184,7 +185,7 @@ def demonstrate(folder: Path, phases: Sequence[Phase] = PHASES) -> int:
     for name, recovery in (('recovered', True), ('unrecovered', False)):
         title = 'With recovery' if recovery else 'The same without recovery'
         console.rule(f'{title}: {MECHANISM}, circle of 1 mrad at 1 Hz')
-        passes[name] = _one_pass(recovery, phases, console)
+        passes[name] = _one_pass(recovery, engine, phases, console)
     result = summary(mechanism, passes, PERIOD)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / 'summary.json').write_text(json.dumps(result, indent=2, allow_nan=False) + '\n')
@@ -197,9 +198,11 @@ def demonstrate(folder: Path, phases: Sequence[Phase] = PHASES) -> int:
     return 1 if wrong else 0
 
 
-def _one_pass(recovery: bool, phases: Sequence[Phase], console: Console) -> list[PhaseRecord]:
+def _one_pass(
+    recovery: bool, engine: str, phases: Sequence[Phase], console: Console
+) -> list[PhaseRecord]:
     parameters = {
-        'fsm_simulator': {'mechanism': MECHANISM},
+        'fsm_simulator': {'mechanism': MECHANISM, 'engine': engine},
         'controller': {'mechanism': MECHANISM, 'recovery': recovery},
         'pointing_reference': {'mechanism': MECHANISM},
     }

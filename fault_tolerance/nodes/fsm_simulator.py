@@ -27,7 +27,7 @@ from fault_tolerance.nodes.parameter_tables import SIMULATOR
 from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
-from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.settings import PlantSettings
 from fault_tolerance.simulation.state import LONGEST_STEP
 
@@ -36,14 +36,16 @@ MARKER_PERIOD = 0.1
 
 
 class FsmSimulator(Node):
-    """The shell around an `ElasticPlant`."""
+    """The shell around a simulated mechanism."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
         values = declared_values(self, SIMULATOR, _settings, (FAULTS,))
         mechanism = mechanism_named(values['mechanism'])
         self._mechanism = mechanism
-        self._plant = ElasticPlant(mechanism, _settings(values), values['seed'])
+        self._plant = plant_named(
+            values['engine'], mechanism, _settings(values), values['seed']
+        )
         self._frame = values['base_frame']
         self._period = 1.0 / values['rate']
         namespace = self.get_namespace().strip('/')

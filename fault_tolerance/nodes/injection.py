@@ -18,7 +18,7 @@ from fault_tolerance.nodes.health import ERROR, OK, Health
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, diagnostics_to_msg, status_to_msg
 from fault_tolerance.nodes.parameters import ParameterError, given_values
 from fault_tolerance.simulation.faults import FaultBook, FaultCommand, fault_command
-from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.state import Plant
 
 HEALTHY = 'none'
 FAULTS = 'faults.'
@@ -37,7 +37,7 @@ class FaultInjection:
     Parameters
     ----------
     node : Node
-    plant : ElasticPlant
+    plant : Plant
     health : Health
         Is told of commands that are refused.
     enabled : bool
@@ -49,7 +49,7 @@ class FaultInjection:
         If a parameter ``faults.NAME`` orders nonsense from the start.
     """
 
-    def __init__(self, node: Node, plant: ElasticPlant, health: Health, enabled: bool) -> None:
+    def __init__(self, node: Node, plant: Plant, health: Health, enabled: bool) -> None:
         self._node = node
         self._plant = plant
         self._health = health

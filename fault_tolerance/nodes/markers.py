@@ -11,7 +11,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from fault_tolerance.nodes.messages import pose_to_msg
-from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.state import Plant
 
 _COLOURS = {
     'none': (0.2, 0.7, 0.3, 1.0),
@@ -24,7 +24,7 @@ _COLOURS = {
 _SEVERITY = ('none', 'torque', 'position', 'hard')
 
 
-def markers_of(stamp: Time, frame: str, plant: ElasticPlant) -> MarkerArray:
+def markers_of(stamp: Time, frame: str, plant: Plant) -> MarkerArray:
     """Return the markers for the present state of ``plant``, in the base frame."""
     size = plant.mechanism.characteristic_length
     modes = dict(zip(plant.mechanism.actuator_names, plant.actuator_faults, strict=True))

@@ -10,6 +10,7 @@ from math import pi
 from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.nodes.parameters import Parameter
+from fault_tolerance.simulation.engines import ENGINES
 from fault_tolerance.simulation.reference import REFERENCE_KINDS
 from fault_tolerance.simulation.settings import PlantSettings
 
@@ -98,6 +99,11 @@ CONTROLLER = (
 SIMULATOR = (
     _MECHANISM,
     _BASE_FRAME,
+    Parameter(
+        'engine', ENGINES[0],
+        'what simulates it: elastic is built in; mujoco, with inertia and gravity, is a package',
+        choices=ENGINES,
+    ),
     Parameter('rate', 100.0, 'cycles per second', 'Hz', (1.0, 2000.0)),
     Parameter('seed', 0, 'seed of the sensor noise', '', (0, 2**31 - 1)),
     Parameter('enable_fault_injection', True, 'whether ~/inject_fault and faults.* do anything'),

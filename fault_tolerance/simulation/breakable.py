@@ -115,6 +115,10 @@ class BreakablePlant(ABC):
         self._command = frozen_array(rates, (len(self._modes),), 'command')
         self._command_age = 0.0
 
+    def reseed(self, rng: np.random.Generator | int) -> None:
+        """Take the sensor noise from ``rng``, or from a source of that seed, from now on."""
+        self._rng = np.random.default_rng(rng)
+
     def apply(self, command: FaultCommand) -> None:
         """Break or mend parts at once; the next step shows it.
 

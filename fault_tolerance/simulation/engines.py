@@ -9,7 +9,7 @@ import numpy as np
 
 from fault_tolerance.errors import EngineError
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.simulation.mujoco import MujocoPlant
+from fault_tolerance.simulation.mujoco import MujocoPlant, library
 from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.settings import PlantSettings
 from fault_tolerance.simulation.state import Plant
@@ -21,6 +21,14 @@ _ENGINES: dict[str, type[ElasticPlant] | type[MujocoPlant]] = {
 
 ENGINES = tuple(_ENGINES)
 """The words `plant_named` understands; the first one needs no other package."""
+
+
+def require_engine(engine: str) -> None:
+    """Raise `EngineError` if there is no such engine, or the package it needs is missing."""
+    if engine not in _ENGINES:
+        raise EngineError(f'engine {engine!r} is not one of {", ".join(ENGINES)}')
+    if engine == 'mujoco':
+        library()
 
 
 def plant_named(
@@ -38,6 +46,5 @@ def plant_named(
     MechanismError
         If the mechanism is given by numbers only.
     """
-    if engine not in _ENGINES:
-        raise EngineError(f'engine {engine!r} is not one of {", ".join(ENGINES)}')
+    require_engine(engine)
     return _ENGINES[engine](mechanism, settings, rng)

@@ -83,7 +83,7 @@ class MujocoPlant(BreakablePlant):
         rng: np.random.Generator | int = 0,
         masses: Masses | None = None,
     ) -> None:
-        self._lib: Any = _library()
+        library()
         super().__init__(mechanism, settings, rng)
         text = mjcf_text(mechanism, self.settings, masses)
         self._model: Any = self._lib.MjModel.from_xml_string(text)
@@ -111,6 +111,11 @@ class MujocoPlant(BreakablePlant):
                 anchors += [self._tip(index)] * ball
             found.append(np.array(anchors).reshape(-1, 3))
         return tuple(found)
+
+    @property
+    def _lib(self) -> Any:
+        # Not kept: a plant can be copied, a module cannot.
+        return library()
 
     def _index(self) -> None:
         """Find everything by its name, once."""
@@ -170,7 +175,7 @@ class MujocoPlant(BreakablePlant):
 
     def _advance(self, dt: float) -> None:
         self._equip()
-        model, data = self._model, self._data
+        lib, model, data = self._lib, self._model, self._data
         count = ceil(dt / TIMESTEP)
         model.opt.timestep = dt / count
         lost = ~self._attached[self._owners]
@@ -186,7 +191,7 @@ class MujocoPlant(BreakablePlant):
             for step in range(steps):
                 # At the beginning of a time step, where MuJoCo takes the forces from.
                 data.ctrl[self._servo_ids] = rest + step * moved
-                self._lib.mj_step(model, data)
+                lib.mj_step(model, data)
                 if len(places):
                     data.qpos[places], data.qvel[speeds] = kept, 0.0
         if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
@@ -295,7 +300,8 @@ class MujocoPlant(BreakablePlant):
         return slice(3, 6) if self._welded(index) else slice(0, 3)
 
 
-def _library() -> Any:
+def library() -> Any:
+    """Return the package mujoco; `EngineError` if it is missing."""
     try:
         import mujoco
     except ImportError as error:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -93,6 +94,10 @@ class Plant(Protocol):
 
     def command(self, rates: ArrayLike) -> None:
         """Take rates (N,) for the drives to follow, rad/s and m/s, until the next command."""
+        ...
+
+    def reseed(self, rng: np.random.Generator | int) -> None:
+        """Take the sensor noise from ``rng``, or from a source of that seed, from now on."""
         ...
 
     def apply(self, command: FaultCommand) -> None:
