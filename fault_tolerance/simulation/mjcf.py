@@ -30,6 +30,9 @@ TIMESTEP = 2.5e-4
 CONSTRAINT_TIME = 2.0 * TIMESTEP
 """Time constant of the constraints, seconds: the shortest that MuJoCo lets a time step have."""
 
+# Impedance from the first touch on; the width over which it would grow does not matter then.
+_END_STOP = (0.99, 0.99, 1e-3)
+
 RATE_SERVO = '{}/rate'
 """Name of an actuator's velocity servo; its position servo and its lock have the actuator's."""
 
@@ -188,6 +191,8 @@ class _Document:
             low, high = joint.actuator.position
             if isfinite(low) and isfinite(high):
                 attributes['range'] = (low, high)
+                attributes['solreflimit'] = (CONSTRAINT_TIME, 1.0)
+                attributes['solimplimit'] = _END_STOP
         kind = 'hinge' if turning else 'slide'
         self._add(body, 'joint', name=joint.name, type=kind, axis=joint.axis, **attributes)
 
