@@ -49,7 +49,7 @@ METRICS_PERIOD = 0.2
 COLLECTION_PERIOD = 1.0
 """Seconds between two collections of garbage, which are made in idle time."""
 
-STALL = 0.2
+STALL = 0.15
 """Seconds between two watchdog periods that count as a stall."""
 
 _NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -167,6 +167,8 @@ class Controller(Node):
         self._commands.send(output)
         self._stepped = True
         self._teller.note(output)
+        for notice in output.notices:
+            self._health.remark(notice)
 
     def _on_metrics_due(self) -> None:
         self.idle.activity += 1
@@ -193,6 +195,8 @@ class Controller(Node):
 
     def _on_operated(self) -> None:
         self._reader.forget_repeats()
+        if not self._supervisor.failures:
+            self._health.settle('latched')
         self._cycle(self._line.now())
 
 

@@ -52,7 +52,8 @@ class Health:
         self._present = present
         self._counts: Counter[str] = Counter()
         self._logged: dict[str, float] = {}
-        self._shown, self._shown_at = '', -_SHOWN_FOR
+        self._shown: Notice | None = None
+        self._shown_at = -_SHOWN_FOR
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -64,7 +65,7 @@ class Health:
         if not notice.text:
             return
         now = self._line.now()
-        self._shown, self._shown_at = notice.text, now
+        self._shown, self._shown_at = notice, now
         if now - self._logged.get(notice.reason, -_LOG_EVERY) >= _LOG_EVERY:
             self._logged[notice.reason] = now
             self._node.get_logger().warning(notice.text)
@@ -74,14 +75,19 @@ class Health:
         if not self._counts[f'warned_{reason}']:
             self.remark(Notice(reason, text, rejected=False))
 
+    def settle(self, reason: str) -> None:
+        """Take what was noticed for this reason off the status: it has been dealt with."""
+        if self._shown is not None and self._shown.reason == reason:
+            self._shown = None
+
     def count(self, key: str) -> None:
         """Add one to a counter."""
         self._counts[key] += 1
 
     def _publish(self) -> None:
         level, text = self._present()
-        if self._line.now() - self._shown_at < _SHOWN_FOR:
-            level, text = max(level, WARN), f'{text}; {self._shown}'
+        if self._shown is not None and self._line.now() - self._shown_at < _SHOWN_FOR:
+            level, text = max(level, WARN), f'{text}; {self._shown.text}'
         counts = {key: str(number) for key, number in sorted(self._counts.items())}
         status = status_to_msg(self._name, self._hardware_id, level, text, counts)
         stamp = self._node.get_clock().now().to_msg()

@@ -22,7 +22,7 @@ from fault_tolerance.nodes.timeline import TimeLine
 
 @dataclass(frozen=True)
 class Batch:
-    """The failure reports of one message, and the stamp it bore, as text."""
+    """The failure reports of one message, and its stamp (or the time of receipt) as text."""
 
     reports: tuple[Report, ...]
     stamp: str
@@ -85,6 +85,8 @@ class ReportReader:
     def _batch(self, message: DiagnosticArray) -> Batch:
         stamp = message.header.stamp
         placed = self._line.placed(stamp)
+        if placed is None:
+            stamp = self._line.stamp()
         found = (
             report_of(
                 status.name, status.hardware_id, status.level, mode, placed,

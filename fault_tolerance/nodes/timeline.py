@@ -54,6 +54,10 @@ class TimeLine:
         """Return the present."""
         return time.monotonic()
 
+    def stamp(self) -> Time:
+        """Return the present as stamps have it."""
+        return self._clock.now().to_msg()
+
     def placed(self, stamp: Time) -> float | None:
         """Return where a stamp lies, or None for zero, which says nothing."""
         nanoseconds = nanoseconds_from_msg(stamp)

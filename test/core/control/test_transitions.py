@@ -3,6 +3,8 @@
 
 """Transitions: no bump at a failure, a clearing, a resumption; ends are ends at once."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from core.control.control_cases import fed, feed, report
@@ -78,7 +80,7 @@ def test_after_a_clear_the_secondary_motion_is_eased_in_and_the_major_task_goes_
     run.release()
     outputs = [before, *run.steps(40)]
 
-    changes = [np.linalg.norm(b.rates - a.rates) for a, b in zip(outputs, outputs[1:], strict=False)]
+    changes = [np.linalg.norm(b.rates - a.rates) for a, b in pairwise(outputs)]
     assert max(changes) <= 1.0 * PERIOD * (1.0 + 1e-9)
     for output in outputs:
         np.testing.assert_allclose(output.achieved[:2], ASKED[:2], atol=1e-12)
