@@ -96,8 +96,8 @@ def test_forward_kinematics_close_the_loops_of_mujoco(name, where):
     _, data = placed(configuration)
     # The four-strut mirrors' flexures take up what their hinges bar twice.
     assert left_open(data) <= 1e-9 + configuration.flexure_strain
-    strain = configuration.flexure_strain
-    shift = 1e-5 * configuration.mechanism.characteristic_length + 10 * strain
+    length = configuration.mechanism.characteristic_length
+    shift = 1e-5 * length + 10.0 * configuration.flexure_strain
     wrong = configuration.pose.copy()
     wrong[:3, 3] += shift
     _, data = placed(configuration, wrong)
