@@ -64,3 +64,11 @@ def test_a_clock_set_back_leads_to_hold_and_back(plant, probe):
         return 'hold' in states and states[-1] == 'nominal'
 
     probe.wait(held_and_resumed, 'hold, and nominal again')
+
+
+def test_a_clock_set_forward_is_no_more_than_a_pause(plant, probe):
+    plant.time = 100.0
+    plant.settle(NOMINAL)
+    plant.time += 3600.0
+    plant.settle(NOMINAL)
+    probe.wait(lambda: any(plant.step()) and probe.state == 'nominal', 'nominal')

@@ -4,10 +4,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time as Stamp
 from rclpy.time import Time
 
+from fault_tolerance.control.recovery import State
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.timeline import TimeLine
 
 SECOND = 1_000_000_000
@@ -49,6 +53,28 @@ def test_setting_the_clock_moves_nothing_that_is_stamped_by_it():
         clock.nanoseconds += jump * SECOND
         stamp = Stamp(sec=clock.nanoseconds // SECOND)
         assert line.placed(stamp) == pytest.approx(before, abs=0.1)
+
+
+@pytest.mark.parametrize('jump', [3600, -3600])
+def test_setting_the_wall_clock_by_an_hour_is_no_matter_for_the_controller(jump):
+    clock = Clock(10_000 * SECOND)
+    line = TimeLine(clock)
+    mechanism = mechanism_named('fsm_4_strut')
+    supervisor, start = Supervisor(mechanism), line.now()
+    states, notices = [], []
+    for number in range(40):
+        now = start + 0.01 * number
+        if number == 20:
+            clock.nanoseconds += jump * SECOND
+        # What is stamped now by the clock as it stands; the true clock has stood still meanwhile.
+        stamp = line.placed(Stamp(sec=clock.nanoseconds // SECOND)) + 0.01 * number
+        notices.append(supervisor.joint_reading(np.zeros(4), now, stamp))
+        notices.append(supervisor.task_velocity(np.array([0.01, 0.02, 0.0]), now, stamp))
+        output = supervisor.step(now)
+        states.append(output.state)
+        assert output.rates.any()
+    assert set(notices) == {None}
+    assert set(states) == {State.NOMINAL}
 
 
 @pytest.mark.parametrize('stamp', [Stamp(sec=-1), Stamp(sec=2**31 - 1, nanosec=2**32 - 1)])
