@@ -11,15 +11,18 @@ is made; a hard failure drops the strut's rows. Always from the nominal rows, ne
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import null_space, rank_of
-from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.closure import absorption_threshold
-from fault_tolerance.mechanism.constraints import decomposed
+from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.mechanism.attachment import Attachment, attachment_of
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.freedom import kept_constraints
+from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.tolerances import ROUNDING_TOLERANCE
 
@@ -75,12 +78,12 @@ class DifferentialKinematics:
         """Whether every motion of the platform is controlled by the drives."""
         return bool(self.unactuated.shape[1] == 0)
 
-    @property
+    @cached_property
     def major(self) -> FloatArray:
         """J_m, (m, n): the rows of the major coordinates."""
         return self.jacobian[self.task.major_rows]
 
-    @property
+    @cached_property
     def secondary(self) -> FloatArray:
         """J_s, (l - m, n): the rows of the secondary coordinates."""
         return self.jacobian[self.task.secondary_rows]
@@ -103,51 +106,98 @@ def differential_kinematics(
     failures : FailureSet, optional
         Nothing by default.
     """
-    failures = failures or FailureSet()
-    mechanism = rows.mechanism
-    held = np.array([actuator.strut not in failures.lost for actuator in mechanism.actuators])
-    stuck = np.array([name in failures.stuck for name in mechanism.actuator_names])
-    free = np.array([name in failures.free for name in mechanism.actuator_names])
-    active = held & ~stuck & ~free
-    attached = np.array([name not in failures.lost for name in mechanism.strut_names], dtype=bool)
-
-    compatible, absorbed, weakest = _compatible_twists(rows, attached)
-    twists, rates = _motions(rows, compatible, attached, held)
+    part = _parts(rows.mechanism, failures or FailureSet())
+    attachment = part.attachment
+    structure = rows.constraints.structure_of(attachment)
+    kept = structure.kept(rows.compliance)
+    weakest = float(structure.sigma[kept - 1]) if kept else np.inf
+    known = None
+    if rows.actuator_rows is None:
+        twists, rates = _motions(rows, structure.right[kept:].T, attachment)
+    else:
+        freedom = rows.constraints.freedom_of(attachment, kept)
+        twists, rates = freedom.twists, freedom.rates
+        if not attachment.complete:
+            rates = np.zeros((len(rows.rate_scale), twists.shape[1]))
+            rates[attachment.places] = freedom.rates
+        if part.all_drive:
+            known = freedom.left, freedom.gains, freedom.right
     # Motions are unit vectors in metres per second: rates are small or not compared with that,
     # so that a drive which does not move at all is not mistaken for a slow one.
-    scale = max(1.0, float(np.linalg.norm(rates * rows.rate_scale[:, None])))
-    if stuck.any():
+    scale = max(1.0, length(rates * rows.rate_scale[:, None]))
+    if len(part.stuck):
+        stuck = part.stuck
         unlocked = null_space(rates[stuck] * rows.rate_scale[stuck, None], scale)
         twists, rates = twists @ unlocked, rates @ unlocked
         rates[stuck] = 0.0
 
     # Columns of [twists; rates] span every motion; those the drives feel make T.
-    left, sigma, right = _decomposed(rates[active])
+    active = part.driving
+    left, sigma, right = known or decomposed(rates[active])
     rank = rank_of(sigma, scale)
-    unactuated = _independent(twists @ right[rank:].T) / rows.twist_scale[:, None]
+    dimension = len(rows.twist_scale)
+    unactuated = np.zeros((dimension, 0))
+    if rank < twists.shape[1]:
+        unactuated = _independent(twists @ right[rank:].T) / rows.twist_scale[:, None]
     twists = twists / rows.twist_scale[:, None]
     if rank < twists.shape[1]:
         # What the drives do not determine is chosen as the shortest motion, which needs an
         # orthonormal basis to have a meaning. The rank was decided above, whatever the units.
         basis, _ = np.linalg.qr(np.vstack([twists, rates]))
-        twists, rates = basis[: len(twists)], basis[len(twists) :]
-        left, sigma, right = _decomposed(rates[active])
+        twists, rates = basis[:dimension], basis[dimension:]
+        left, sigma, right = decomposed(rates[active])
     per_rate = right[:rank].T / sigma[:rank]
-    mapping = np.zeros((len(rates), rank))
-    mapping[active] = left[:, :rank]
-    rate_map = rates @ per_rate
-    rate_map[active] = left[:, :rank]
+    if len(active) == len(rates):
+        mapping = rate_map = left[:, :rank]
+    else:
+        mapping = np.zeros((len(rates), rank))
+        mapping[active] = left[:, :rank]
+        rate_map = rates @ per_rate
+        rate_map[active] = left[:, :rank]
     twist_jacobian = _without_noise(twists @ per_rate, mapping, rows)
     return DifferentialKinematics(
-        mechanism.task,
+        rows.mechanism.task,
         twist_jacobian[rows.task_rows],
         mapping,
         twist_jacobian,
         rate_map,
         unactuated,
-        active,
-        absorbed,
+        part.active,
+        rank_of(structure.sigma) - kept,
         weakest,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """What a set of failures leaves of each kind.
+
+    Places of the actuators that are stuck and that drive, as numbers and as a mask; `all_drive`
+    says that all in attached struts do.
+    """
+
+    attachment: Attachment
+    stuck: IntArray
+    driving: IntArray
+    active: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    all_drive: bool
+
+
+@lru_cache(maxsize=4096)
+def _parts(mechanism: Mechanism, failures: FailureSet) -> _Parts:
+    """Return what ``failures`` leave (kept: asked for in every cycle)."""
+    attachment = attachment_of(mechanism, failures.lost)
+    names = mechanism.actuator_names
+    failed = {*failures.stuck, *failures.free}
+    active = attachment.held & np.array([name not in failed for name in names])
+    active.setflags(write=False)
+    stuck = [names.index(name) for name in failures.stuck]
+    return _Parts(
+        attachment,
+        np.array(stuck, dtype=np.intp),
+        np.flatnonzero(active),
+        active,
+        bool((active == attachment.held).all()),
     )
 
 
@@ -162,40 +212,20 @@ def compatible_twists(
     attached : (s,) bool array
         The struts that hold the platform.
     """
-    return _compatible_twists(rows, attached)[0]
-
-
-def _compatible_twists(
-    rows: StrutRows, attached: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
-) -> tuple[FloatArray, int, float]:
-    """Return a basis of the twists the attached structure allows, and what it absorbed."""
-    if rows.decomposition is not None and attached.all():
-        sigma, right = rows.decomposition
-    else:
-        structure = rows.structure[attached[rows.structure_strut]]
-        if len(structure) == 0:
-            return np.eye(len(rows.twist_scale)), 0, np.inf
-        _, sigma, right = decomposed(structure)
-    threshold = absorption_threshold(sigma, rows.compliance)
-    kept = int((sigma > threshold).sum())
-    absorbed = rank_of(sigma) - kept
-    weakest = float(sigma[kept - 1]) if kept else np.inf
-    return right[kept:].T, absorbed, weakest
+    structure = rows.structure[attached[rows.structure_strut]]
+    _, sigma, right = decomposed(structure)
+    return right[kept_constraints(sigma, rows.compliance) :].T
 
 
 def _motions(
-    rows: StrutRows,
-    compatible: FloatArray,
-    attached: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
-    held: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    rows: StrutRows, compatible: FloatArray, attachment: Attachment
 ) -> tuple[FloatArray, FloatArray]:
-    """Return all motions the rows allow: scaled twists (d, b) and actuator rates (N, b)."""
-    if rows.actuator_rows is not None:
-        rates = np.zeros((len(held), compatible.shape[1]))
-        rates[held] = rows.actuator_rows[held] @ compatible
-        return compatible, rates
-    # Drives that the platform does not determine (in series, or serial arms with spare joints):
-    # the motions are the null space of the whole stack.
+    """Return all motions the rows allow: scaled twists (d, b) and actuator rates (N, b).
+
+    For drives that the platform does not determine (in series, or serial arms with spare
+    joints): the motions are the null space of the whole stack.
+    """
+    attached, held = attachment.attached, attachment.held
     by_numbers = rows.drive_strut < 0
     mine = by_numbers | attached[rows.drive_strut] if len(attached) else by_numbers
     drive = rows.drive[mine] @ compatible
@@ -208,15 +238,6 @@ def _motions(
     return compatible @ motions[:width], rates
 
 
-def _decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the singular value decomposition with all right directions."""
-    if matrix.shape[0] == 0:
-        width = matrix.shape[1]
-        return np.zeros((0, 0)), np.zeros(0), np.eye(width)
-    tall = matrix.shape[0] >= matrix.shape[1]
-    return np.linalg.svd(matrix, full_matrices=not tall)
-
-
 def _without_noise(
     twist_jacobian: FloatArray, mapping: FloatArray, rows: StrutRows
 ) -> FloatArray:
@@ -224,16 +245,18 @@ def _without_noise(
 
     Otherwise rounding errors would pass for motion where there is nothing to compare them with.
     """
-    speed = np.linalg.norm(twist_jacobian * rows.twist_scale[:, None], axis=1)
-    drives = float(np.linalg.norm(mapping * rows.rate_scale[:, None]))
-    moved = speed > ROUNDING_TOLERANCE * max(drives, float(np.linalg.norm(speed)))
-    return np.where(moved[:, None], twist_jacobian, 0.0)
+    scaled = twist_jacobian * rows.twist_scale[:, None]
+    squares = np.einsum('ij,ij->i', scaled, scaled)
+    drives = mapping * rows.rate_scale[:, None]
+    size = max(length(drives) ** 2, float(squares.sum()))
+    still = squares <= ROUNDING_TOLERANCE**2 * size
+    if still.any():
+        twist_jacobian[still] = 0.0
+    return twist_jacobian
 
 
 def _independent(twists: FloatArray) -> FloatArray:
     """Return a basis of scaled platform twists (d, k); motions inside the struts drop out."""
-    if twists.shape[1] == 0:
-        return twists
-    left, sigma, _ = np.linalg.svd(twists, full_matrices=False)
+    left, sigma, _ = decomposed(twists)
     # The motions are unit vectors together with their actuator rates: the yardstick is 1.
     return np.asarray(left[:, : rank_of(sigma, 1.0)])

@@ -11,11 +11,13 @@ beyond it is ever needed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.configuration import Configuration, home_configuration
+from fault_tolerance.mechanism.constraints import DriveRows, StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
 
 
@@ -30,19 +32,8 @@ class StrutRows:
     Attributes
     ----------
     mechanism : Mechanism
-    structure : (g, d) array
-        ``0 = structure @ twist``, orthonormal within each strut.
-    structure_strut : (g,) int array
-        Index of the strut each structural row belongs to.
-    drive : (a, d) array
-        ``drive @ twist = drive_rates @ q'_a``, with the actuators' true rates.
-    drive_rates : (a, N) array
-    drive_strut : (a,) int array
-        Index of the strut each drive row belongs to; -1 where there are no struts.
-    actuator_rows : (N, d) array or None
-        ``q'_a = actuator_rows @ twist`` where every strut determines its drives well, else None.
-    decomposition : tuple of arrays or None
-        Singular values and right directions of the whole structure, if known already.
+    constraints : StrutConstraints
+        The rows themselves.
     twist_scale : (d,) array
         The scaled twist is this times the twist.
     rate_scale : (N,) array
@@ -54,17 +45,44 @@ class StrutRows:
     """
 
     mechanism: Mechanism
-    structure: FloatArray
-    structure_strut: IntArray
-    drive: FloatArray
-    drive_rates: FloatArray
-    drive_strut: IntArray
-    actuator_rows: FloatArray | None
-    decomposition: tuple[FloatArray, FloatArray] | None
+    constraints: StrutConstraints
     twist_scale: FloatArray
     rate_scale: FloatArray
     task_rows: IntArray
     compliance: float
+
+    @property
+    def structure(self) -> FloatArray:
+        """``0 = structure @ twist``, (g, d), orthonormal within each strut."""
+        return self.constraints.structure
+
+    @property
+    def structure_strut(self) -> IntArray:
+        """Index of the strut each structural row belongs to, (g,)."""
+        return self.constraints.structure_strut
+
+    @property
+    def actuator_rows(self) -> FloatArray | None:
+        """``q'_a = actuator_rows @ twist``, (N, d), where every strut determines its drives well.
+
+        None elsewhere.
+        """
+        return self.constraints.actuator_rows
+
+    @property
+    def drive(self) -> FloatArray:
+        """``drive @ twist = drive_rates @ q'_a``, (a, d), with the actuators' true rates."""
+        return self.constraints.drives.drive
+
+    @property
+    def drive_rates(self) -> FloatArray:
+        """See `drive`, (a, N)."""
+        return self.constraints.drives.rates
+
+    @property
+    def drive_strut(self) -> IntArray:
+        """Index of the strut each drive row belongs to, (a,); -1 where there are no struts."""
+        return self.constraints.drives.struts
 
     def with_compliance(self, compliance: float) -> StrutRows:
         """Return the same rows, judged with another ``compliance``."""
@@ -91,25 +109,27 @@ def strut_rows(configuration: Configuration) -> StrutRows:
     mechanism = configuration.mechanism
     if mechanism.working_point is not None:
         return _rows_by_numbers(mechanism)
-    constraints = configuration.constraints
-    length = mechanism.characteristic_length
-    twist_scale = np.ones(6)
-    twist_scale[:3] = length
-    revolute = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
+    twist_scale, rate_scale = _scales(mechanism)
     return StrutRows(
         mechanism,
-        constraints.structure,
-        constraints.structure_strut,
-        constraints.drive,
-        constraints.drive_rates,
-        constraints.drive_strut,
-        constraints.actuator_rows,
-        constraints.decomposition[1:],
+        configuration.constraints,
         twist_scale,
-        np.where(revolute, length, 1.0),
+        rate_scale,
         mechanism.task.rows,
         mechanism.compliance,
     )
+
+
+@lru_cache(maxsize=64)
+def _scales(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Return what turns twists (6,) and actuator rates (N,) into metres per second."""
+    length = mechanism.characteristic_length
+    revolute = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
+    twist_scale, rate_scale = np.ones(6), np.where(revolute, length, 1.0)
+    twist_scale[:3] = length
+    twist_scale.setflags(write=False)
+    rate_scale.setflags(write=False)
+    return twist_scale, rate_scale
 
 
 def home_rows(mechanism: Mechanism) -> StrutRows:
@@ -128,15 +148,15 @@ def _rows_by_numbers(mechanism: Mechanism) -> StrutRows:
     size = float(np.linalg.norm(jacobian, 2))
     size = size if size > 0.0 else 1.0
     none = np.zeros(0, dtype=np.intp)
-    return StrutRows(
-        mechanism,
-        np.zeros((0, task)),
-        none,
+    drives = DriveRows(
         np.vstack([np.eye(task), np.zeros((count, task))]),
         np.vstack([jacobian @ mapping.T / size, outside]),
         np.full(task + count, -1, dtype=np.intp),
-        None,
-        None,
+        np.zeros((0, 0, task)),
+    )
+    return StrutRows(
+        mechanism,
+        StrutConstraints(np.zeros((0, task)), none, None, lambda: drives),
         np.full(task, 1.0 / size),
         np.ones(count),
         np.arange(task, dtype=np.intp),

@@ -8,14 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.linear_algebra import decomposed, singular_values
 from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
-
-
-def singular_values(matrix: FloatArray) -> FloatArray:
-    """Return the singular values of ``matrix`` (r, c), largest first; none if it is empty."""
-    if matrix.size == 0:
-        return np.zeros(0)
-    return np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=np.float64)
 
 
 def rank_of(sigma: FloatArray, scale: float | None = None) -> int:
@@ -45,9 +39,7 @@ def null_space(matrix: FloatArray, scale: float | None = None) -> FloatArray:
         return np.eye(matrix.shape[1])
     if matrix.shape[1] == 0:
         return np.zeros((0, 0))
-    # A tall matrix has all its right directions in the economy form already.
-    tall = matrix.shape[0] >= matrix.shape[1]
-    _, sigma, right = np.linalg.svd(matrix, full_matrices=not tall)
+    _, sigma, right = decomposed(matrix)
     return right[rank_of(sigma, scale) :].T
 
 
@@ -55,7 +47,7 @@ def range_basis(matrix: FloatArray, scale: float | None = None) -> FloatArray:
     """Return an orthonormal basis (r, rank) of the range of ``matrix`` (r, c)."""
     if matrix.size == 0:
         return np.zeros((matrix.shape[0], 0))
-    left, sigma, _ = np.linalg.svd(matrix, full_matrices=False)
+    left, sigma, _ = decomposed(matrix)
     return left[:, : rank_of(sigma, scale)]
 
 

@@ -12,9 +12,11 @@ import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.regular import RegularStruts, regular_struts
 from fault_tolerance.mechanism.screws import (
     BASE_ORIGIN,
     joint_displacements,
+    moved_to,
     powers,
     transformed,
 )
@@ -63,6 +65,23 @@ class Chains:
         strut, joint = np.nonzero(self.actuator >= 0)
         order = np.argsort(self.actuator[strut, joint])
         return strut[order], joint[order]
+
+    @cached_property
+    def length(self) -> float:
+        """The characteristic length, metres."""
+        return float(self.scale[0])
+
+    @cached_property
+    def drive_sizes(self) -> FloatArray:
+        """Metres at home per unit of each actuated joint, (N,): the lengths of its screws."""
+        at_home = moved_to(self.screws[self.places], self.home[:3, 3]) * self.scale
+        return np.asarray(np.linalg.norm(at_home, axis=1))
+
+    @cached_property
+    def regular(self) -> RegularStruts | None:
+        """The same struts prepared for the short way; None if some are not regular."""
+        origin = self.home[:3, 3]
+        return regular_struts(self.screws, self.real, self.places, self.length, origin)
 
 
 @lru_cache(maxsize=64)

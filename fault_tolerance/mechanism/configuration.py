@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -14,10 +14,12 @@ import numpy as np
 from fault_tolerance.errors import ClosureError, MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
 from fault_tolerance.mechanism.chains import chains_of
-from fault_tolerance.mechanism.closure import Closure, State, evaluated
+from fault_tolerance.mechanism.closure import Closure
 from fault_tolerance.mechanism.constraints import StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.state import State, evaluated
 from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE
+from fault_tolerance.mechanism.tracking import Closed
 
 # Continuation from home takes strides of at most this many characteristic lengths (or radians):
 # the assembly found is the one the mechanism can be driven to.
@@ -90,7 +92,8 @@ def home_configuration(mechanism: Mechanism) -> Configuration:
     """Return ``mechanism`` at home."""
     if not mechanism.struts:
         return _working_point(mechanism)
-    return _configuration(Closure(mechanism, frozenset()), _home_state(mechanism), None, True, 0)
+    closure = Closure(mechanism, ())
+    return _configuration(closure, closure.certified(_home_state(mechanism), True, 0), None)
 
 
 def solved_configuration(
@@ -135,17 +138,17 @@ def solved_configuration(
             reason = 'a mechanism given by numbers has no configuration but its working point'
             raise MechanismError(mechanism.name, 'at', reason)
         return _working_point(mechanism)
-    closure = Closure(mechanism, frozenset(lost))
+    closure = Closure(mechanism, lost)
     state = _home_state(mechanism)
     reach = float(np.nanmax(_in_metres(mechanism, np.abs(target)), initial=0.0))
     strides = int(np.ceil(reach / (_STRIDE * mechanism.characteristic_length)))
     strides = min(max(strides, 1), _MOST_STRIDES)
-    converged, iterations = True, 0
+    iterations = 0
     for stride in range(1, strides + 1):
         goal = target * (stride / strides)
-        state, converged, used = closure.solved(state, goal, nearest_home=True)
-        iterations += used
-    found = _configuration(closure, state, target, converged, iterations)
+        closed = closure.solved(state, goal, nearest_home=True)
+        state, iterations = closed.state, iterations + closed.iterations
+    found = _configuration(closure, replace(closed, iterations=iterations), target)
     _require_closed(found)
     return found
 
@@ -174,15 +177,18 @@ def fitted_configuration(
         The loops are closed first, the N readings fitted by least squares within that. Does not
         raise for numerical reasons: read `Configuration.converged`.
     """
-    target = frozen_array(values, (len(mechanism.actuators),), 'values', finite=False)
+    count = len(mechanism.actuators)
+    if type(values) is np.ndarray and values.dtype == np.float64 and values.shape == (count,):
+        target = values  # read here and not kept
+    else:
+        target = frozen_array(values, (count,), 'values', finite=False)
     if not mechanism.struts:
         return _working_point(mechanism)
-    closure = Closure(mechanism, frozenset(lost))
+    closure = Closure(mechanism, lost)
     state = start.state if start is not None else None
     if state is None:
         state = _home_state(mechanism)
-    state, converged, iterations = closure.solved(state, target, nearest_home=False)
-    return _configuration(closure, state, target, converged, iterations)
+    return _configuration(closure, closure.fitted(state, target), target)
 
 
 def _require_closed(found: Configuration) -> None:
@@ -202,29 +208,32 @@ def _require_closed(found: Configuration) -> None:
 def _home_state(mechanism: Mechanism) -> State:
     chains = chains_of(mechanism)
     values = np.zeros(chains.real.shape)
-    return evaluated(chains, len(mechanism.actuators), np.array(chains.home), values)
+    return evaluated(chains, np.array(chains.home), values, chains.regular)
 
 
 def _configuration(
-    closure: Closure, state: State, target: FloatArray | None, converged: bool, iterations: int
+    closure: Closure, closed: Closed, target: FloatArray | None
 ) -> Configuration:
-    mechanism = closure.mechanism
+    state = closed.state
     actuators = state.actuator_values
     misfit = np.zeros_like(actuators)
     if target is not None:
-        read = np.isfinite(target) & closure.held
-        misfit[read] = target[read] - actuators[read]
-    residual, strain = closure.residuals(state)
+        # Differences with NaN, where there is no reading, are left out.
+        np.subtract(
+            target, actuators, out=misfit, where=np.isfinite(target) & closure.attachment.held
+        )
+    for array in (state.pose, state.joint_values, actuators, misfit):
+        array.setflags(write=False)
     return Configuration(
-        mechanism,
-        frozen_array(state.pose, (4, 4), 'pose'),
-        frozen_array(state.joint_values, (None, None), 'joint values'),
-        frozen_array(actuators, (None,), 'actuator values'),
-        frozen_array(misfit, (None,), 'misfit'),
-        residual,
-        strain,
-        converged,
-        iterations,
+        closure.mechanism,
+        state.pose,
+        state.joint_values,
+        actuators,
+        misfit,
+        closed.residual,
+        closed.strain,
+        closed.converged,
+        closed.iterations,
         state,
     )
 

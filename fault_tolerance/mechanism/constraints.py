@@ -11,14 +11,41 @@ ties the drives to the platform: ``B V = C q'_a`` (docs/theory.md, eq. 5-7).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.mechanism.chains import Chains
+from fault_tolerance.mechanism.attachment import Attachment
+from fault_tolerance.mechanism.chains import Chains, forward_kinematics
+from fault_tolerance.mechanism.freedom import Freedom, Structure, freedom
+from fault_tolerance.mechanism.linear_algebra import decomposed
+from fault_tolerance.mechanism.regular import Placement, RegularStruts, StrutInverses
 from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
+
+
+@dataclass(frozen=True, eq=False)
+class DriveRows:
+    """How the drives come into it where struts do not determine them; seldom asked for.
+
+    Attributes
+    ----------
+    drive : (a, 6) array
+        Orthonormal within each strut, and to its structure.
+    rates : (a, N) array
+        ``drive @ V = rates @ q'_a``.
+    struts : (a,) int array
+        The strut each of these rows belongs to.
+    passive_inverse : (s, k, 6) array
+        Pseudo-inverse of each strut's passive columns; zero at its other joints.
+    """
+
+    drive: FloatArray
+    rates: FloatArray
+    struts: IntArray
+    passive_inverse: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,37 +58,50 @@ class StrutConstraints:
         ``0 = structure @ V``; orthonormal within each strut.
     structure_strut : (g,) int array
         The strut each of these rows belongs to.
-    drive : (a, 6) array
-        Orthonormal within each strut, and to its structure.
-    drive_rates : (a, N) array
-        ``drive @ V = drive_rates @ q'_a``.
-    drive_strut : (a,) int array
-        The strut each of these rows belongs to.
-    passive_inverse : (s, k, 6) array
-        Pseudo-inverse of each strut's passive columns; zero at its other joints.
     actuator_rows : (N, 6) array or None
         ``q'_a = actuator_rows @ V``: the drive rows solved for the drives, where every strut
         determines its own well (the usual case), else None.
+    make_drives : callable
+        Gives the `DriveRows`.
+    inverses : StrutInverses or None
+        The inverted struts, where the rows come from them.
     """
 
     structure: FloatArray
     structure_strut: IntArray
-    drive: FloatArray
-    drive_rates: FloatArray
-    drive_strut: IntArray
-    passive_inverse: FloatArray
     actuator_rows: FloatArray | None
+    make_drives: Callable[[], DriveRows]
+    inverses: StrutInverses | None = None
+    _structures: dict[tuple[str, ...], Structure] = field(default_factory=dict, repr=False)
+    _freedoms: dict[tuple[tuple[str, ...], int], Freedom] = field(
+        default_factory=dict, repr=False
+    )
 
     @cached_property
-    def decomposition(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Singular value decomposition of all structural rows."""
-        return decomposed(self.structure)
+    def drives(self) -> DriveRows:
+        """The drive rows themselves."""
+        return self.make_drives()
 
+    def structure_of(self, attachment: Attachment) -> Structure:
+        """Return the structural rows of the attached struts, decomposed once."""
+        found = self._structures.get(attachment.lost)
+        if found is None:
+            rows, struts = attachment.rows_of(self.structure, self.structure_strut)
+            found = Structure(rows, struts, *decomposed(rows))
+            self._structures[attachment.lost] = found
+        return found
 
-def decomposed(structure: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the singular value decomposition of rows (g, 6), all right directions included."""
-    # All six right directions are needed, but never a square matrix of the rows' number.
-    return np.linalg.svd(structure, full_matrices=len(structure) < 6)
+    def freedom_of(self, attachment: Attachment, kept: int) -> Freedom:
+        """Return what ``kept`` constraints leave; only where there are `actuator_rows`."""
+        key = attachment.lost, kept
+        found = self._freedoms.get(key)
+        if found is None:
+            assert self.actuator_rows is not None
+            rows = self.actuator_rows
+            rows = rows if attachment.complete else rows[attachment.places]
+            found = freedom(self.structure_of(attachment), rows, kept)
+            self._freedoms[key] = found
+        return found
 
 
 def strut_constraints(chains: Chains, screws: FloatArray, count: int) -> StrutConstraints:
@@ -105,14 +145,26 @@ def strut_constraints(chains: Chains, screws: FloatArray, count: int) -> StrutCo
     structure_rows, structure_strut = _stacked(structure, 6)
     drive_rows, drive_strut = _stacked(drive, 6)
     rate_rows, _ = _stacked(rates, count)
+    drives = DriveRows(drive_rows, rate_rows, drive_strut, passive_inverse)
+    solved = _actuator_rows(drive_rows, rate_rows, chains)
+    return StrutConstraints(structure_rows, structure_strut, solved, lambda: drives)
+
+
+def regular_constraints(
+    chains: Chains, placement: Placement, regular: RegularStruts
+) -> StrutConstraints | None:
+    """Return the same from the inverted struts; None where some are nearly singular."""
+    inverses = regular.inverted(placement)
+    if inverses is None:
+        return None
+
+    def make_drives() -> DriveRows:
+        values, origin = placement.joint_values, placement.pose[:3, 3]
+        screws, _ = forward_kinematics(chains, values, origin)
+        return strut_constraints(chains, screws, len(regular.places[0])).drives
+
     return StrutConstraints(
-        structure_rows,
-        structure_strut,
-        drive_rows,
-        rate_rows,
-        drive_strut,
-        passive_inverse,
-        _actuator_rows(drive_rows, rate_rows, chains),
+        inverses.structure, regular.structure_strut, inverses.actuator_rows, make_drives, inverses
     )
 
 

@@ -11,6 +11,8 @@ Manipulation* (1994), chapter 2.
 
 from __future__ import annotations
 
+from math import sin, sqrt
+
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -19,6 +21,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 # rounding with the terms kept.
 _SERIES_ANGLE = 1e-3
 BASE_ORIGIN = np.zeros(3)
+_EYE = np.eye(3)
 _NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
@@ -171,4 +174,42 @@ def displaced(pose: FloatArray, displacement: FloatArray) -> FloatArray:
     rotation[..., :3] = displacement[..., :3]
     result[..., :3, :3] = exponential(rotation)[..., :3, :3] @ pose[..., :3, :3]
     result[..., :3, 3] += displacement[..., 3:]
+    return result
+
+
+def displaced_by(pose: FloatArray, twist: FloatArray, length: float) -> FloatArray:
+    """Return one ``pose`` (4, 4) moved by a small scaled displacement (6,): as `displaced`.
+
+    On single numbers numpy is slower than Python. The rotation is made orthonormal again: poses
+    that follow from one another for hours must not wear out.
+
+    Parameters
+    ----------
+    pose : (4, 4) array
+    twist : (6,) array
+        A displacement, its rotation times ``length``.
+    length : float
+        The characteristic length.
+    """
+    a, b, c, *shift = twist.tolist()
+    x, y, z = a / length, b / length, c / length
+    squared = x * x + y * y + z * z
+    angle = sqrt(squared)
+    if angle < _SERIES_ANGLE:
+        sine, cosine = 1.0 - squared / 6.0 + squared**2 / 120.0, 0.5 - squared / 24.0
+    else:
+        sine, cosine = sin(angle) / angle, 2.0 * (sin(0.5 * angle) / angle) ** 2
+    xy, yz, zx = cosine * x * y, cosine * y * z, cosine * z * x
+    u, v, w = sine * x, sine * y, sine * z
+    turn = np.array((
+        (1.0 - cosine * (y * y + z * z), xy - w, zx + v),
+        (xy + w, 1.0 - cosine * (z * z + x * x), yz - u),
+        (zx - v, yz + u, 1.0 - cosine * (x * x + y * y)),
+    ))
+    rotation = turn.dot(pose[:3, :3])
+    # One step towards the nearest orthonormal matrix, from which it differs by rounding.
+    rotation = rotation.dot(1.5 * _EYE - 0.5 * rotation.T.dot(rotation))
+    result = pose.copy()
+    result[:3, :3] = rotation
+    result[:3, 3] += shift
     return result

@@ -1,0 +1,159 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Following a mechanism from one configuration to a near one, at one evaluation each.
+
+The decompositions made at the last configuration serve for the Newton step away from it. If that
+step was not short enough to be the last, further ones are taken with the same decompositions
+(chord steps): they only need to know where the struts' tips are. The rows are then derived
+anew, once, and the same evaluation certifies what was found (docs/theory.md, section 3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite, sqrt
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.attachment import Attachment
+from fault_tolerance.mechanism.linear_algebra import length
+from fault_tolerance.mechanism.regular import StrutInverses
+from fault_tolerance.mechanism.screws import displaced_by
+from fault_tolerance.mechanism.state import State, placed_state
+from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE
+
+_MOST_EVALUATIONS = 4
+_MOST_CHORDS = 4
+# Characteristic lengths; farther away the last decompositions are no guide any more.
+_FARTHEST = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """A state whose loops are closed, with its certificate.
+
+    Attributes
+    ----------
+    state : State
+    residual, strain : float
+        Metres open outside, and along, the directions that flexures absorb.
+    converged : bool
+    iterations : int
+    """
+
+    state: State
+    residual: float
+    strain: float
+    converged: bool
+    iterations: int
+
+
+def tracked(
+    start: State, target: FloatArray, attachment: Attachment, compliance: float, last_step: float
+) -> Closed | None:
+    """Return the state near ``start`` that fits ``target``, or None: then take the long way.
+
+    Parameters
+    ----------
+    start : State
+    target : (N,) array
+        Joint values of the actuators; those of attached struts must be finite here.
+    attachment : Attachment
+    compliance : float
+    last_step : float
+        Characteristic lengths; the relative length of a Newton step that need not be followed
+        by another one. It leaves an error of about its square.
+    """
+    state, iterations = start, 0
+    unit = start.chains.length
+    kept = state.constraints.structure_of(attachment).kept(compliance)
+    for _ in range(_MOST_EVALUATIONS):
+        regular = state.regular
+        steps = _Steps.at(state, attachment, kept)
+        if regular is None or steps is None:
+            return None
+        pose, values, openings, travelled = state.pose, state.joint_values, state.openings, 0.0
+        for _ in range(_MOST_CHORDS):
+            twist, rates, step = steps.towards(target, values, openings)
+            iterations += 1
+            travelled += step
+            if not travelled <= _FARTHEST * unit:
+                return None  # NaN among them
+            pose = displaced_by(pose, twist, unit)
+            values = values + rates
+            placement = regular.placed(pose, values)
+            openings = placement.openings
+            arrived = step * travelled <= (last_step * unit) ** 2
+            if arrived:
+                break
+        found = placed_state(state.chains, regular, placement)
+        if found is None:
+            return None
+        freedom = kept
+        state = found
+        kept = state.constraints.structure_of(attachment).kept(compliance)
+        residual, strain = state.residuals(attachment, kept)
+        # In an overconstrained mechanism the freedom to fit shows only once the loops close.
+        if arrived and residual <= CLOSURE_TOLERANCE and kept == freedom:
+            return Closed(state, residual, strain, True, iterations)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """The Gauss-Newton steps that the decompositions at one state give.
+
+    `closing` (6, g) turns the misclosures of ``rows`` (g, 6) into the twist that mends them,
+    `fit` (6, h) the errors of the actuators into the one that fits them.
+    """
+
+    attachment: Attachment
+    state: State
+    inverses: StrutInverses
+    closing: FloatArray | None
+    fit: FloatArray
+
+    @classmethod
+    def at(cls, state: State, attachment: Attachment, kept: int) -> _Steps | None:
+        """Return the steps at ``state``; None where they are not that simple."""
+        constraints = state.constraints
+        if constraints.inverses is None:
+            return None
+        freedom = constraints.freedom_of(attachment, kept)
+        if not freedom.determined:
+            return None
+        structure, closing = constraints.structure_of(attachment), None
+        if kept:
+            scaled = structure.left[:, :kept] / -structure.sigma[:kept]
+            closing = structure.right[:kept].T.dot(scaled.T)
+        return cls(attachment, state, constraints.inverses, closing, freedom.fit)
+
+    def towards(
+        self, target: FloatArray, values: FloatArray, openings: FloatArray
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Return the scaled twist (6,), the joint rates (s, k) and the length of one step."""
+        inverses, attachment, chains = self.inverses, self.attachment, self.state.chains
+        struts, joints = chains.places
+        actuators, rows = values[chains.places], inverses.actuator_rows
+        if not attachment.complete:
+            held = attachment.places
+            struts, target, actuators, rows = struts[held], target[held], actuators[held], rows[held]
+        error = target - actuators
+        ways = openings[struts]
+        if self.closing is not None:
+            structure = self.state.constraints.structure_of(attachment)
+            misclosure = np.einsum('ij,ij->i', structure.rows, openings[structure.struts])
+            closing = self.closing.dot(misclosure)
+            error -= np.einsum('ij,ij->i', rows, ways + closing)
+            twist = closing + self.fit.dot(error)
+        else:
+            error -= np.einsum('ij,ij->i', rows, ways)
+            twist = self.fit.dot(error)
+        rates = inverses.joint_rates(openings + twist)
+        driven = rates[chains.places] * chains.drive_sizes
+        if not attachment.complete:
+            driven = driven[attachment.places]
+        square = max(float(twist.dot(twist)), float(driven.dot(driven)))
+        return twist, rates, sqrt(square) if isfinite(square) else square
