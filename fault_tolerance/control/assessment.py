@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -120,7 +120,7 @@ class Assessor:
         # While the loops are closed the flexures absorb a little more than the verdict grants:
         # otherwise the fit itself would tip over at the threshold that the verdict is about.
         compliance = min(FIT_BAND * mechanism.compliance, MOST_COMPLIANCE)
-        self._yielding = replace(mechanism, compliance=max(compliance, mechanism.compliance))
+        self._yielding = max(compliance, mechanism.compliance)
         self._threshold = threshold
         self._model = PostFailureModel()
         self._fit = Fit((b'', ()), None, None)
@@ -162,15 +162,15 @@ class Assessor:
     def _fitted(self, values: FloatArray, failures: FailureSet) -> Fit:
         read = without_lost(self._mechanism, values, failures)
         last = self._fit.configuration
-        found = fitted_configuration(self._yielding, read, failures.lost, last)
+        mechanism, yielding = self._mechanism, self._yielding
+        found = fitted_configuration(mechanism, read, failures.lost, last, yielding)
         if not found.converged and last is not None:
             # The last configuration may be a bad start, as after a long gap.
-            found = fitted_configuration(self._yielding, read, failures.lost)
+            found = fitted_configuration(mechanism, read, failures.lost, compliance=yielding)
         key = values.tobytes(), failures.lost
         if not found.converged:
             reason = 'the loops do not close at these joint values'
             return Fit(key, last, self._fit.rows, reason)
-        found = replace(found, mechanism=self._mechanism)
         return Fit(key, found, strut_rows(found))
 
 

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from math import isfinite
 
 import numpy as np
 
@@ -25,6 +27,8 @@ LARGEST_RATE = 1e6
 
 NEGLIGIBLE = 1e-12
 """Rates below this fraction of the largest are rounding; they push nothing over a limit."""
+
+_BOTH_WAYS = np.array([[1.0], [-1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,15 +75,25 @@ def rate_bounds(mechanism: Mechanism, values: FloatArray, stroke_gain: float) ->
     damper, as in Faverjon and Tournassoud, ICRA 1987); beyond an end it may only come back.
     Where a value is NaN there is no stroke to respect.
     """
-    limits = mechanism.position_limits
-    speed = np.minimum(mechanism.velocity_limits, LARGEST_RATE)
-    down = np.fmax(stroke_gain * (values - limits[:, 0]), 0.0)
-    up = np.fmax(stroke_gain * (limits[:, 1] - values), 0.0)
+    speed, ends = _constants(mechanism)
+    # The way to both ends, (2, N).
+    ways = np.maximum(stroke_gain * (ends + _BOTH_WAYS * values), 0.0)
+    if isfinite(float(values.sum())):
+        np.minimum(ways, speed, out=ways)
+        return RateBounds(-ways[0], ways[1])
+    down, up = np.fmax(ways, 0.0)
     known = np.isfinite(values)
     return RateBounds(
         -np.where(known, np.minimum(speed, down), speed),
         np.where(known, np.minimum(speed, up), speed),
     )
+
+
+@lru_cache(maxsize=64)
+def _constants(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+    """Return the largest speeds (N,), and the ends of the strokes (2, N) as seen from home."""
+    low, high = mechanism.position_limits.T
+    return np.minimum(mechanism.velocity_limits, LARGEST_RATE), np.stack([-low, high])
 
 
 def limited_rate(
@@ -99,6 +113,10 @@ def limited_rate(
     scale : float
         A factor on everything to begin with.
     """
+    if scale == 1.0:
+        rates = resolved.rates
+        if ((rates >= bounds.lower) & (rates <= bounds.upper)).all():
+            return LimitedRate(resolved, scale, 1.0, ())
     rate_map = resolved.kinematics.rate_map
     major = _without_rounding(scale * (rate_map @ resolved.major))
     secondary = _without_rounding(scale * (rate_map @ resolved.secondary))

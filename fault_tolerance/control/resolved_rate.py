@@ -26,6 +26,7 @@ from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.measures import CONDITION_CAP
 from fault_tolerance.kinematics.subspaces import rank_of
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import COORDINATES
 
 SINGULAR_BELOW = 5e-4
@@ -182,30 +183,60 @@ def task_inverse(
     task = kinematics.task
     rows, others = task.major_rows, task.secondary_rows
     weights = np.ones(len(task.coordinates)) if twist_scale is None else twist_scale
-    coordinates = drive_coordinates(kinematics, rate_scale)
-    jacobian = (weights[:, None] * kinematics.jacobian) @ coordinates
-    left, sigma, right = np.linalg.svd(jacobian[rows])
-    driven = int((sigma > singular_below).sum())
+    unit = _common(rate_scale)
+    secondary_rows = kinematics.secondary * weights[others, None]
+    if unit is None:
+        coordinates = drive_coordinates(kinematics, rate_scale)
+        left, sigma, right = decomposed((weights[rows, None] * kinematics.major) @ coordinates)
+        secondary_rows = secondary_rows @ coordinates
+    else:
+        # Coordinates differ from the reduced rates by a factor only.
+        left, sigma, right = kinematics.decomposed_major(weights[rows])
+        sigma, secondary_rows = sigma / unit, secondary_rows / unit
+    values = sigma.tolist()
+    driven = sum(value > singular_below for value in values)
     # Per task velocity in metres per second, in the coordinates of the drives.
-    major = np.zeros((len(coordinates), len(weights)))
-    major[:, rows] = (right[:driven].T / sigma[:driven]) @ left[:, :driven].T
+    major = np.zeros((len(right), len(weights)))
+    major[:, rows] = (right[:driven].T / sigma[:driven]).dot(left[:, :driven].T)
 
     secondary = np.zeros_like(major)
-    free = right[rank_of(sigma, max(1.0, float(sigma.max(initial=0.0)))) :].T
+    free = right[rank_of(sigma, max([1.0, *values[:1]])) :].T
     if others.size and free.shape[1]:
-        left, gains, mixed = np.linalg.svd(jacobian[others] @ free, full_matrices=False)
-        kept = gains > singular_below
-        missing = -jacobian[others] @ major
+        missing = -secondary_rows.dot(major)
         missing[np.arange(len(others)), others] += 1.0
-        secondary = free @ ((mixed[kept].T / gains[kept]) @ (left[:, kept].T @ missing))
-
+        inverse = _bounded_inverse(secondary_rows.dot(free), singular_below)
+        secondary = free.dot(inverse.dot(missing))
+    if unit is None:
+        major, secondary = coordinates @ major, coordinates @ secondary
+    else:
+        weights = weights / unit
     return TaskInverse(
-        kinematics=kinematics,
-        major=_frozen((coordinates @ major) * weights),
-        secondary=_frozen((coordinates @ secondary) * weights),
-        rank=driven,
-        transmission=_smallest(sigma, len(rows)),
+        kinematics,
+        _frozen(major * weights),
+        _frozen(secondary * weights),
+        driven,
+        _smallest(sigma, len(rows)),
     )
+
+
+def _common(rate_scale: FloatArray | None) -> float | None:
+    """Return the one number that all of ``rate_scale`` is, or None if they differ."""
+    if rate_scale is None:
+        return 1.0
+    values = set(rate_scale.tolist())
+    return values.pop() if len(values) == 1 else None
+
+
+def _bounded_inverse(matrix: FloatArray, singular_below: float) -> FloatArray:
+    """Return the pseudo-inverse (c, r) of ``matrix`` (r, c) without its small directions."""
+    if len(matrix) == 1:
+        size = length(matrix)
+        if size <= singular_below:
+            return np.zeros_like(matrix.T)
+        return np.asarray(matrix.T / size / size)
+    left, gains, mixed = decomposed(matrix)
+    kept = int((gains > singular_below).sum())
+    return np.asarray((mixed[:kept].T / gains[:kept]).dot(left[:, :kept].T))
 
 
 def resolved_rate(

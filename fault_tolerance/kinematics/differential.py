@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -87,6 +88,24 @@ class DifferentialKinematics:
     def secondary(self) -> FloatArray:
         """J_s, (l - m, n): the rows of the secondary coordinates."""
         return self.jacobian[self.task.secondary_rows]
+
+    def decomposed_major(
+        self, weights: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the singular value decomposition of J_m with its rows times ``weights`` (m,).
+
+        All right directions included; kept, as verdict and rates both ask for it.
+        """
+        kept = self.derived.setdefault('major', {})
+        found: tuple[FloatArray, FloatArray, FloatArray] | None = kept.get(weights.tobytes())
+        if found is None:
+            found = kept[weights.tobytes()] = decomposed(self.major * weights[:, None])
+        return found
+
+    @cached_property
+    def derived(self) -> dict[str, dict[Any, Any]]:
+        """What has been derived from these kinematics and may be asked for again, by kind."""
+        return {}
 
     @property
     def active_mapping(self) -> FloatArray:

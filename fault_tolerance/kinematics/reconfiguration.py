@@ -16,7 +16,9 @@ from fault_tolerance.kinematics.differential import (
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import adds_rank, rank
+from fault_tolerance.mechanism.linear_algebra import length
 from fault_tolerance.mechanism.task import COORDINATES, Task
+from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 
 # Smaller shares of an unactuated motion are rounding errors.
 _NOTABLE = 1e-6
@@ -96,6 +98,8 @@ def verdict(
 ) -> Verdict:
     """Return the verdict on ``present`` kinematics that were ``nominal`` before ``failures``."""
     task = rows.mechanism.task
+    if not failures and present is nominal and _is_sound(rows, present):
+        return Verdict(True, True, present.mobility, (), (), (), failures_in_words(failures))
     names = _twist_names(rows)
     order = [*task.by_priority, *(name for name in names if name not in task.coordinates)]
     places = [names.index(name) for name in order]
@@ -124,6 +128,19 @@ def verdict(
     return Verdict(
         present.stable, tolerable, present.mobility, lost, gained, drifting, reason
     )
+
+
+def _is_sound(rows: StrutRows, kinematics: DifferentialKinematics) -> bool:
+    """Return whether ``kinematics`` have all that is asked of them, clearly so."""
+    if not kinematics.stable:
+        return False
+    weights = rows.twist_scale[rows.task_rows[kinematics.task.major_rows]]
+    sigma = kinematics.decomposed_major(weights)[1]
+    if len(sigma) < len(weights):
+        return False
+    # Then no major row depends on those before it either: all that they leave of it is longer.
+    size = length(kinematics.twist_jacobian * rows.twist_scale[:, None])
+    return float(sigma[-1]) > RANK_TOLERANCE * size
 
 
 def failures_in_words(failures: FailureSet) -> str:

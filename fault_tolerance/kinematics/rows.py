@@ -11,11 +11,11 @@ beyond it is ever needed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.configuration import Configuration, home_configuration
 from fault_tolerance.mechanism.constraints import DriveRows, StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
@@ -94,11 +94,9 @@ class StrutRows:
         What follows from them, the measures among it, does not depend on the units of drives
         and task, as it does where some drives turn and others slide.
         """
-        rows = self.actuator_rows
         return replace(
             self,
-            drive_rates=self.drive_rates / self.rate_scale,
-            actuator_rows=None if rows is None else rows * self.rate_scale[:, None],
+            constraints=self.constraints.with_rates_times(self.rate_scale),
             rate_scale=np.ones_like(self.rate_scale),
             twist_scale=np.ones_like(self.twist_scale),
         )
@@ -109,27 +107,14 @@ def strut_rows(configuration: Configuration) -> StrutRows:
     mechanism = configuration.mechanism
     if mechanism.working_point is not None:
         return _rows_by_numbers(mechanism)
-    twist_scale, rate_scale = _scales(mechanism)
     return StrutRows(
         mechanism,
         configuration.constraints,
-        twist_scale,
-        rate_scale,
+        chains_of(mechanism).scale,
+        mechanism.rate_scale,
         mechanism.task.rows,
         mechanism.compliance,
     )
-
-
-@lru_cache(maxsize=64)
-def _scales(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
-    """Return what turns twists (6,) and actuator rates (N,) into metres per second."""
-    length = mechanism.characteristic_length
-    revolute = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
-    twist_scale, rate_scale = np.ones(6), np.where(revolute, length, 1.0)
-    twist_scale[:3] = length
-    twist_scale.setflags(write=False)
-    rate_scale.setflags(write=False)
-    return twist_scale, rate_scale
 
 
 def home_rows(mechanism: Mechanism) -> StrutRows:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.linear_algebra import decomposed, singular_values
+from fault_tolerance.mechanism.linear_algebra import decomposed
+from fault_tolerance.mechanism.linear_algebra import singular_values as singular_values
 from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 
 
@@ -70,15 +71,20 @@ def manipulability(matrix: FloatArray, order: int, scale: float | None = None) -
 
 def adds_rank(matrix: FloatArray) -> tuple[bool, ...]:
     """Return for each row of ``matrix`` (r, c) whether it is independent of those before it."""
-    largest = float(np.linalg.norm(matrix, axis=1).max(initial=0.0))
-    basis = np.zeros((0, matrix.shape[1]))
-    result = []
+    rows, columns = matrix.shape
+    largest = float(np.sqrt(np.einsum('ij,ij->i', matrix, matrix).max(initial=0.0)))
+    # If the first rows span everything, they are independent and the others are not.
+    first = singular_values(matrix[:columns])
+    if len(first) == columns and float(first.min(initial=np.inf)) > RANK_TOLERANCE * largest:
+        return (True,) * columns + (False,) * (rows - columns)
+    basis = np.zeros((0, columns))
+    result: list[bool] = []
     for row in matrix:
         rest = row - basis.T @ (basis @ row)
         rest = rest - basis.T @ (basis @ rest)
-        length = float(np.linalg.norm(rest))
-        new = length > RANK_TOLERANCE * largest
+        size = float(np.linalg.norm(rest))
+        new = bool(size > RANK_TOLERANCE * largest)
         if new:
-            basis = np.vstack([basis, rest / length])
+            basis = np.vstack([basis, rest / size])
         result.append(new)
     return tuple(result)

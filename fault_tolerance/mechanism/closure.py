@@ -34,10 +34,21 @@ _LAST_STEP_SOLVED = 1e-9
 
 
 class Closure:
-    """Closes the loops of a mechanism from which some struts may have been lost."""
+    """Closes the loops of a mechanism from which some struts may have been lost.
 
-    def __init__(self, mechanism: Mechanism, lost: Collection[str]) -> None:
+    Parameters
+    ----------
+    mechanism : Mechanism
+    lost : collection of str
+    compliance : float, optional
+        Structural constraints up to it are absorbed; the mechanism's own by default.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, lost: Collection[str], compliance: float | None = None
+    ) -> None:
         self.mechanism = mechanism
+        self._compliance = mechanism.compliance if compliance is None else compliance
         self._chains = chains_of(mechanism)
         self.attachment = attachment_of(mechanism, lost)
 
@@ -53,8 +64,7 @@ class Closure:
             Actuator values to be met in the least-squares sense, NaN where there is none. What
             they leave free stays where it is.
         """
-        compliance = self.mechanism.compliance
-        found = tracked(state, target, self.attachment, compliance, _LAST_STEP_FITTED)
+        found = tracked(state, target, self.attachment, self._compliance, _LAST_STEP_FITTED)
         return found or self.solved(state, target, nearest_home=False)
 
     def solved(self, state: State, target: FloatArray, *, nearest_home: bool) -> Closed:
@@ -92,7 +102,7 @@ class Closure:
     def _kept(self, state: State) -> int:
         """Return how many structural constraints are not absorbed."""
         structure = state.constraints.structure_of(self.attachment)
-        return structure.kept(self.mechanism.compliance)
+        return structure.kept(self._compliance)
 
     def _stepped(
         self, state: State, target: FloatArray, nearest_home: bool
@@ -128,7 +138,7 @@ class Closure:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the scaled platform twist (6,) and the actuator rates (N,) of one step."""
         structure = state.constraints.structure_of(self.attachment)
-        kept = structure.kept(self.mechanism.compliance)
+        kept = structure.kept(self._compliance)
         openings = state.openings[structure.struts]
         misclosure = np.einsum('ij,ij->i', structure.rows, openings)
         bars = (structure.left[:, :kept].T @ misclosure) / structure.sigma[:kept]

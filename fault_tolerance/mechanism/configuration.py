@@ -158,6 +158,7 @@ def fitted_configuration(
     values: FloatArray,
     lost: Collection[str] = (),
     start: Configuration | None = None,
+    compliance: float | None = None,
 ) -> Configuration:
     """Return the configuration that fits the joint values of the actuators best.
 
@@ -170,6 +171,8 @@ def fitted_configuration(
         Struts that no longer hold the platform.
     start : Configuration, optional
         Where to start from (warm start); home by default.
+    compliance : float, optional
+        What the flexures absorb while the loops are closed; the mechanism's own by default.
 
     Returns
     -------
@@ -184,7 +187,7 @@ def fitted_configuration(
         target = frozen_array(values, (count,), 'values', finite=False)
     if not mechanism.struts:
         return _working_point(mechanism)
-    closure = Closure(mechanism, lost)
+    closure = Closure(mechanism, lost, compliance)
     state = start.state if start is not None else None
     if state is None:
         state = _home_state(mechanism)
@@ -248,8 +251,7 @@ def _working_point(mechanism: Mechanism) -> Configuration:
 
 
 def _in_metres(mechanism: Mechanism, values: FloatArray) -> FloatArray:
-    kinds = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
-    return values * np.where(kinds, mechanism.characteristic_length, 1.0)
+    return values * mechanism.rate_scale
 
 
 def _largest_misfit(mechanism: Mechanism, misfit: FloatArray) -> float:

@@ -12,7 +12,7 @@ ties the drives to the platform: ``B V = C q'_a`` (docs/theory.md, eq. 5-7).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,6 +90,18 @@ class StrutConstraints:
             found = Structure(rows, struts, *decomposed(rows))
             self._structures[attachment.lost] = found
         return found
+
+    def with_rates_times(self, scale: FloatArray) -> StrutConstraints:
+        """Return the same rows for actuator rates ``scale`` (N,) times as large: other units."""
+
+        def make_drives() -> DriveRows:
+            return replace(self.drives, rates=self.drives.rates / scale)
+
+        rows = self.actuator_rows
+        rows = None if rows is None else rows * scale[:, None]
+        return StrutConstraints(
+            self.structure, self.structure_strut, rows, make_drives, _structures=self._structures
+        )
 
     def freedom_of(self, attachment: Attachment, kept: int) -> Freedom:
         """Return what ``kept`` constraints leave; only where there are `actuator_rows`."""

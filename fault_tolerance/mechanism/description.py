@@ -231,6 +231,13 @@ class Mechanism:
         limits = [actuator.velocity for actuator in self.actuators]
         return frozen_array(limits, (len(self.actuators),), 'limits', finite=False)
 
+    @cached_property
+    def rate_scale(self) -> FloatArray:
+        """What turns joint rates into metres per second, (N,): lengths for turning drives."""
+        length = self.characteristic_length
+        scale = [length if one.kind == 'revolute' else 1.0 for one in self.actuators]
+        return frozen_array(scale, (len(scale),), 'scale')
+
     def actuator_index(self, name: str) -> int:
         """Return the place of the actuator ``name``; ValueError if there is none."""
         return self.actuator_names.index(name)

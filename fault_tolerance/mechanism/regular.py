@@ -201,7 +201,7 @@ class RegularStruts:
         matrices = self._filling.copy()
         matrices[:, :, : len(columns)] += columns.transpose(1, 2, 0)
         try:
-            inverses = np.linalg.inv(matrices)
+            inverses: FloatArray = np.asarray(np.linalg.inv(matrices), dtype=np.float64)
         except np.linalg.LinAlgError:
             return None
         if not self._well_conditioned(matrices, inverses):
@@ -346,7 +346,8 @@ def _opening_map(length: float) -> FloatArray:
     result = np.zeros((18, 7))
     for axis in range(3):
         after, last = (axis + 1) % 3, (axis + 2) % 3
-        result[3 * last + after, axis], result[3 * after + last, axis] = 0.5 * length, -0.5 * length
+        result[3 * last + after, axis] = 0.5 * length
+        result[3 * after + last, axis] = -0.5 * length
         result[9 + 3 * last + after, 3 + axis] = -0.5
         result[9 + 3 * after + last, 3 + axis] = 0.5
         result[4 * axis, 6] = 1.0

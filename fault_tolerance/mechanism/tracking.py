@@ -18,7 +18,6 @@ import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.attachment import Attachment
-from fault_tolerance.mechanism.linear_algebra import length
 from fault_tolerance.mechanism.regular import StrutInverses
 from fault_tolerance.mechanism.screws import displaced_by
 from fault_tolerance.mechanism.state import State, placed_state
@@ -139,7 +138,8 @@ class _Steps:
         actuators, rows = values[chains.places], inverses.actuator_rows
         if not attachment.complete:
             held = attachment.places
-            struts, target, actuators, rows = struts[held], target[held], actuators[held], rows[held]
+            struts, target = struts[held], target[held]
+            actuators, rows = actuators[held], rows[held]
         error = target - actuators
         ways = openings[struts]
         if self.closing is not None:
