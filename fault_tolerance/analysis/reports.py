@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
-from fault_tolerance.kinematics.measures import (
-    NextFailure,
-    next_failure,
-    pair_measures,
-    present_measures,
-)
+import numpy as np
+
+from fault_tolerance.kinematics.many_measures import pair_measures
+from fault_tolerance.kinematics.measures import NextFailure, next_failure, present_measures
 from fault_tolerance.kinematics.outlook import hard_torque_equivalence
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -71,11 +70,13 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
         },
     }
     if pairs:
-        position, torque = pair_measures(present)
-        for key, values in (('position_pairs', position), ('torque_pairs', torque)):
+        driving = np.flatnonzero(present.active).tolist()
+        for key, values in zip(
+            ('position_pairs', 'torque_pairs'), pair_measures(present), strict=True
+        ):
             report[key] = {
-                f'{actuators[first]},{actuators[second]}': value
-                for (first, second), value in values.items()
+                f'{actuators[first]},{actuators[second]}': float(values[first, second])
+                for first, second in combinations(driving, 2)
             }
     return report
 

@@ -202,7 +202,7 @@ class _Parts:
     all_drive: bool
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=256)
 def _parts(mechanism: Mechanism, failures: FailureSet) -> _Parts:
     """Return what ``failures`` leave (kept: asked for in every cycle)."""
     attachment = attachment_of(mechanism, failures.lost)

@@ -21,6 +21,7 @@ from fault_tolerance.kinematics.differential import (
     differential_kinematics,
 )
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
+from fault_tolerance.kinematics.many_measures import hard_measures, single_measures
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.subspaces import (
     manipulability,
@@ -131,10 +132,10 @@ def present_measures(state: PostFailure) -> PresentMeasures:
     """Return what the failures of ``state`` have cost."""
     rows, failures, nominal = state.rows, state.failures, state.nominal
     locked = nominal
-    if failures.stuck:
+    if failures.stuck and (failures.free or failures.lost):
         locked = differential_kinematics(rows, FailureSet(stuck=failures.stuck))
     freed = locked
-    if failures.free:
+    if failures.free and failures.lost:
         freed = differential_kinematics(rows, FailureSet(failures.stuck, failures.free))
     order = len(nominal.task.major)
     stuck = [rows.mechanism.actuator_index(name) for name in failures.stuck]
@@ -161,16 +162,8 @@ def next_failure(state: PostFailure) -> NextFailure:
     """Return the measure of every single further failure, the present taken as nominal."""
     mechanism, present = state.rows.mechanism, state.present
     count = len(mechanism.actuators)
-    position, torque = np.full(count, np.nan), np.full(count, np.nan)
-    for index in np.flatnonzero(present.active).tolist():
-        position[index] = position_measure(present, [index])
-        torque[index] = torque_measure(present, [index])
-    hard = np.full(len(mechanism.struts), np.nan)
-    for place, name in enumerate(mechanism.strut_names):
-        if name not in state.failures.lost:
-            further = state.failures.and_also(mechanism, Failure(FailureMode.HARD, name))
-            after = differential_kinematics(state.rows, further)
-            hard[place] = hard_measure(present, after)
+    position, torque = single_measures(present)
+    hard = hard_measures(state.rows, state.failures, present)
     names = mechanism.actuator_names, mechanism.strut_names
     worst, measure = _worst(*names, position, torque, hard)
     left, mobility = int(present.active.sum()), present.mobility

@@ -22,9 +22,11 @@ def rank_of(sigma: FloatArray, scale: float | None = None) -> int:
     scale : float, optional
         What "not small" is measured against; the largest of them by default.
     """
+    values = sigma.tolist()
     if scale is None:
-        scale = float(sigma.max(initial=0.0))
-    return int((sigma > RANK_TOLERANCE * scale).sum()) if scale > 0.0 else 0
+        scale = max(values, default=0.0)
+    threshold = RANK_TOLERANCE * scale
+    return sum(value > threshold for value in values) if scale > 0.0 else 0
 
 
 def rank(matrix: FloatArray, scale: float | None = None) -> int:
@@ -71,13 +73,13 @@ def manipulability(matrix: FloatArray, order: int, scale: float | None = None) -
 
 def adds_rank(matrix: FloatArray) -> tuple[bool, ...]:
     """Return for each row of ``matrix`` (r, c) whether it is independent of those before it."""
-    rows, columns = matrix.shape
+    rows, columns = len(matrix), int(matrix.shape[1])
     largest = float(np.sqrt(np.einsum('ij,ij->i', matrix, matrix).max(initial=0.0)))
     # If the first rows span everything, they are independent and the others are not.
     first = singular_values(matrix[:columns])
-    if len(first) == columns and float(first.min(initial=np.inf)) > RANK_TOLERANCE * largest:
+    if len(first) == columns and min(first.tolist(), default=1.0) > RANK_TOLERANCE * largest:
         return (True,) * columns + (False,) * (rows - columns)
-    basis = np.zeros((0, columns))
+    basis: FloatArray = np.zeros((0, columns))
     result: list[bool] = []
     for row in matrix:
         rest = row - basis.T @ (basis @ row)

@@ -49,7 +49,7 @@ class Attachment:
         return rows[mine], struts[mine]
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def _attachment(mechanism: Mechanism, lost: tuple[str, ...]) -> Attachment:
     attached = np.array([name not in lost for name in mechanism.strut_names], dtype=np.bool_)
     held = np.array([actuator.strut not in lost for actuator in mechanism.actuators])

@@ -32,7 +32,7 @@ from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE, WELL_CONDITIONE
 # The inverse may be this large (Frobenius norm, on unit columns) before the definition decides.
 _LARGEST_INVERSE = 1e3
 # Independent at home means: the smallest singular value of unit columns is above this.
-_INDEPENDENT = 1e-2
+_INDEPENDENT = 5e-3
 # A tenth of what the definition asks for, so that both come to the same decision.
 _CONDITION = 0.1 / WELL_CONDITIONED
 # The trace of a rotation by less than 1e-5, and by less than 1e-2 radians.

@@ -18,6 +18,7 @@ import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.attachment import Attachment
+from fault_tolerance.mechanism.linear_algebra import length
 from fault_tolerance.mechanism.regular import StrutInverses
 from fault_tolerance.mechanism.screws import displaced_by
 from fault_tolerance.mechanism.state import State, placed_state
@@ -85,6 +86,11 @@ def tracked(
             placement = regular.placed(pose, values)
             openings = placement.openings
             arrived = step * travelled <= (last_step * unit) ** 2
+            if arrived and travelled > last_step * unit:
+                # Readings in contradiction are weighed against each other by what the drives do
+                # here, which is not quite what they did where the decompositions were made.
+                misfit = steps.misfit(target, values)
+                arrived = misfit * travelled <= (last_step * unit) ** 2
             if arrived:
                 break
         found = placed_state(state.chains, regular, placement)
@@ -128,6 +134,12 @@ class _Steps:
             scaled = structure.left[:, :kept] / -structure.sigma[:kept]
             closing = structure.right[:kept].T.dot(scaled.T)
         return cls(attachment, state, constraints.inverses, closing, freedom.fit)
+
+    def misfit(self, target: FloatArray, values: FloatArray) -> float:
+        """Return how far the joint values (s, k) are from the target, metres."""
+        chains = self.state.chains
+        off = (target - values[chains.places]) * chains.drive_sizes
+        return length(off if self.attachment.complete else off[self.attachment.places])
 
     def towards(
         self, target: FloatArray, values: FloatArray, openings: FloatArray
