@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64, Float64MultiArray, String
 
@@ -74,21 +75,45 @@ class MetricsPublisher:
             mode: node.create_publisher(Float64MultiArray, f'~/metrics/{mode}', 10)
             for mode in ('position', 'torque', 'hard')
         }
+        self._heard: set[Publisher] = set()
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listened to any of the metrics when it was last looked."""
+        return bool(self._heard)
+
+    def look_for_listeners(self) -> None:
+        """Find out which metrics are listened to; the others are not made up."""
+        publishers = (self._all, *self._scalars.values(), *self._arrays.values())
+        self._heard = {one for one in publishers if one.get_subscription_count()}
 
     def publish_state(self, state: str) -> None:
         """Publish the state, for those as well who come later."""
         self._state.publish(String(data=state))
 
     def publish(self, stamp: Time, metrics: Metrics, further: Mapping[str, str]) -> None:
-        """Publish the metrics in every form, with ``further`` values of the mechanism."""
-        self._all.publish(self._diagnostics(stamp, metrics, further))
+        """Publish the metrics in every form that is listened to.
+
+        Parameters
+        ----------
+        stamp : Time
+        metrics : Metrics
+        further : mapping of str to str
+            More values of the mechanism.
+        """
+        if self._all in self._heard:
+            self._all.publish(self._diagnostics(stamp, metrics, further))
         for name, publisher in self._scalars.items():
+            if publisher not in self._heard:
+                continue
             if name == 'active_failures':
                 value = float(len(metrics.failures))
             else:
                 value = float(getattr(metrics, name))
             publisher.publish(Float64(data=value))
         for mode, publisher in self._arrays.items():
+            if publisher not in self._heard:
+                continue
             parts = metrics.struts if mode == 'hard' else metrics.actuators
             # What has failed already has nothing left to lose: 0, as every float is finite.
             values = {part.name: float(getattr(part, mode) or 0.0) for part in parts}

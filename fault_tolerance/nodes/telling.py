@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
+from fault_tolerance.control.metrics import Metrics
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.nodes.idle import Job
@@ -28,7 +29,7 @@ class Teller:
     changes : Job
         Tells of a new state or new failures, at once.
     measures : Job
-        Publishes the metrics.
+        Works out the metrics, and then publishes them: as soon as there is time for each.
     report_stamp : str
         Stamp of the last report that changed anything.
     """
@@ -41,6 +42,7 @@ class Teller:
         self._supervisor = supervisor
         self._metrics = metrics
         self._told: tuple[object, ...] = ()
+        self._worked_out: Metrics | None = None
         self._tell()
 
     def note(self, output: Output) -> None:
@@ -54,8 +56,9 @@ class Teller:
             self.changes.do()
 
     def next_metrics(self) -> None:
-        """Have the metrics published, the last ones now if they have not been yet."""
-        if self.measures.due:
+        """Have the metrics published; those of the last time now, if they are still due."""
+        self._metrics.look_for_listeners()
+        while self.measures.due:
             self.measures.do()
         self.measures.due = True
 
@@ -66,12 +69,19 @@ class Teller:
                 self._metrics.publish_state(output.state.value)
             self._told = (output.state, output.failures)
             self._node.get_logger().info(f'{output.state.value}: {output.reason}')
-            self._measure()
+            self._worked_out = None
+            self.measures.due = True
         return False
 
     def _measure(self) -> bool:
+        if not self._metrics.heard:
+            return False
+        if self._worked_out is None:
+            self._worked_out = self._supervisor.metrics()
+            return True
         residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
         further = {'residual': residual, 'report_stamp': self.report_stamp}
         stamp = self._node.get_clock().now().to_msg()
-        self._metrics.publish(stamp, self._supervisor.metrics(), further)
+        self._metrics.publish(stamp, self._worked_out, further)
+        self._worked_out = None
         return False
