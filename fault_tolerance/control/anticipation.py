@@ -22,6 +22,7 @@ import numpy as np
 
 from fault_tolerance.control.assessment import Assessment, Assessor, Prospect
 from fault_tolerance.control.command import CommandLaw
+from fault_tolerance.control.resolved_rate import TaskInverse
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -49,10 +50,13 @@ class Entry:
         The joint values it was made for.
     prospect : Prospect or None
         None where it could not be worked out: that is left to the live path too.
+    inverse : TaskInverse or None
+        What resolves task velocities then; None where it must not move.
     """
 
     values: FloatArray
     prospect: Prospect | None
+    inverse: TaskInverse | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +68,14 @@ class Found:
     prospect : Prospect
     assessment : Assessment
         The prospect's.
+    inverse : TaskInverse or None
     exact : bool
         Whether it was made for the present joint values.
     """
 
     prospect: Prospect
     assessment: Assessment
+    inverse: TaskInverse | None
     exact: bool
 
 
@@ -148,21 +154,21 @@ class PostFailureTable:
             and assessment.post.nominal.mobility == nominal
             and _is_safe(assessment)
         ):
-            return Found(prospect, assessment, exact)
+            return Found(prospect, assessment, entry.inverse, exact)
         return None
 
     def _entry(self, values: FloatArray, failures: FailureSet) -> Entry:
         try:
             prospect = self._assessor.foreseen(values, failures)
-            assessment = prospect.assessment
+            assessment, inverse = prospect.assessment, None
             if prospect.fit.unclosed:
-                return Entry(values, None)
+                return Entry(values, None, None)
             # Why not, if not, is worked out here: it is there when it is asked for.
             if assessment is not None and not assessment.intolerance:
-                self._law.prepare(assessment.post.present)
+                inverse = self._law.foreseen(assessment.post.present)
         except (ArithmeticError, ValueError):  # no convergence, numbers that are not finite
-            return Entry(values, None)
-        return Entry(values, prospect)
+            return Entry(values, None, None)
+        return Entry(values, prospect, inverse)
 
     def _moved(self, entry: Entry, values: FloatArray) -> float:
         """Return how far any actuator has moved since, in characteristic lengths or radians."""

@@ -15,7 +15,7 @@ from fault_tolerance.control.limits import (
     rate_bounds,
     singularity_scale,
 )
-from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
+from fault_tolerance.control.resolved_rate import ResolvedRate, TaskInverse, task_inverse
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Transition
 from fault_tolerance.kinematics.differential import (
@@ -52,6 +52,7 @@ class CommandLaw:
         self._mechanism = mechanism
         self._settings = settings
         self._twist_scale, self._rate_scale = _scales(mechanism)
+        self._inverse: TaskInverse | None = None
         self._near_singular = False
         self.slowed = False
         # What is near is judged against home, where the mechanism is made to work; a home that
@@ -63,16 +64,24 @@ class CommandLaw:
 
     def resolved(self, kinematics: DifferentialKinematics, velocity: FloatArray) -> ResolvedRate:
         """Return the rates for a task velocity (l,), not limited yet."""
-        return resolved_rate(
-            kinematics,
-            velocity,
-            twist_scale=self._twist_scale,
-            rate_scale=self._rate_scale,
+        return self.inverse(kinematics).resolved(velocity)
+
+    def inverse(self, kinematics: DifferentialKinematics) -> TaskInverse:
+        """Return what resolves task velocities with ``kinematics``."""
+        if self._inverse is None or self._inverse.kinematics is not kinematics:
+            self.adopt(self.foreseen(kinematics))
+        assert self._inverse is not None
+        return self._inverse
+
+    def foreseen(self, kinematics: DifferentialKinematics) -> TaskInverse:
+        """Return what `inverse` would, and remember nothing of it."""
+        return task_inverse(
+            kinematics, twist_scale=self._twist_scale, rate_scale=self._rate_scale
         )
 
-    def prepare(self, kinematics: DifferentialKinematics) -> None:
-        """Work out what `resolved` will need, as far as it is kept with the kinematics."""
-        self.resolved(kinematics, np.zeros(len(kinematics.task.coordinates)))
+    def adopt(self, inverse: TaskInverse) -> None:
+        """Use ``inverse`` when its kinematics are those to go by."""
+        self._inverse = inverse
 
     def obstacle(self, resolved: ResolvedRate) -> str:
         """Return why the mechanism is too near a singularity to move; empty if it is not."""

@@ -259,6 +259,8 @@ class Supervisor:
             found = self._table.found(values, self.failures, last.post.nominal.mobility)
             if found is not None:
                 self._assessor.adopt(found.prospect)
+                if found.inverse is not None:
+                    self._law.adopt(found.inverse)
                 self.assessed_by = 'anticipated'
                 # From a little way off it does for one command.
                 self._outdated = not found.exact

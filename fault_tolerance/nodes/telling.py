@@ -69,8 +69,10 @@ class Teller:
                 self._metrics.publish_state(output.state.value)
             self._told = (output.state, output.failures)
             self._node.get_logger().info(f'{output.state.value}: {output.reason}')
+            self._metrics.look_for_listeners()
             self._worked_out = None
-            self.measures.due = True
+            while self._measure():
+                pass
         return False
 
     def _measure(self) -> bool:
