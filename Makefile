@@ -14,12 +14,12 @@ ROS_SOURCED := $(if $(ROS_DISTRO),$(shell $(PYTHON) -c 'import rclpy' 2>/dev/nul
 
 ifeq ($(ROS_SOURCED),yes)
 FORM := $(ROS_DISTRO)
-EXTRAS := plot,test
+EXTRAS := plot,record,test
 VENV_FLAGS := --system-site-packages
 BASE_PYTHON := $(PYTHON)
 else
 FORM := wheels
-EXTRAS := ros,plot,test
+EXTRAS := ros,plot,record,test
 VENV_FLAGS :=
 # Another version may do where python3 is too old or too new; a PYTHON the user chose is kept.
 SPARE_PYTHONS := $(if $(filter file,$(origin PYTHON)),python3.13 python3.12 python3.11 python3.10)
@@ -88,7 +88,7 @@ $(PINS_STAMP): setup.py setup.cfg package.xml .ci/ubuntu-24.04.txt
 	@$(PINS_VENV)/bin/python -m pip install -q --disable-pip-version-check \
 	  -c .ci/ubuntu-24.04.txt setuptools wheel
 	@$(PINS_VENV)/bin/python -m pip install -q --disable-pip-version-check \
-	  -c .ci/ubuntu-24.04.txt --no-build-isolation -e '.[ros,plot,test]'
+	  -c .ci/ubuntu-24.04.txt --no-build-isolation -e '.[ros,plot,record,test]'
 	@touch $@
 
 lint: $(VENV)/.linters  ## Check style (ruff) and types (mypy)

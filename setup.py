@@ -54,11 +54,15 @@ setup(
         'plot': ['matplotlib'],
         # Another engine for the simulated mechanism.
         'mujoco': ['mujoco>=3.3.6'],
+        # Recordings as ROS 2 bags, without ROS.
+        'record': ['rosbags>=0.11'],
         # colcon looks for pytest under this name to decide that it can test the package.
         'test': [
             'pytest>=7.4',
             'hypothesis',
             'mujoco>=3.3.6',
+            # Somebody else's reader, to check what is recorded.
+            'mcap-ros2-support',
             'colcon-bash',
             'colcon-core',
             'colcon-library-path',

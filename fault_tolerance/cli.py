@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 from typing import NoReturn
 
@@ -96,6 +96,24 @@ def _parser() -> argparse.ArgumentParser:
         '--engine', choices=ENGINES, default=ENGINES[0], help='what simulates the mirror'
     )
     demo.set_defaults(run=_demo)
+
+    watch = subparsers.add_parser('watch', help='look at a running controller')
+    watch.add_argument('--namespace', default='', help='of the controller')
+    watch.add_argument(
+        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
+    )
+    watch.add_argument(
+        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
+    )
+    watch.set_defaults(run=_watch)
+
+    report = subparsers.add_parser('report', help='figure and page of a recorded run')
+    report.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
+    report.add_argument(
+        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
+    )
+    report.add_argument('--namespace', help='of the robot, if there are several in the bag')
+    report.set_defaults(run=_report)
 
     inject = subparsers.add_parser('inject', help='break or mend the running simulated mirror')
     inject.add_argument(
@@ -190,6 +208,17 @@ def _demo(chosen: argparse.Namespace) -> int:
     with _needing_rclpy():
         from fault_tolerance.nodes.demonstration import demonstrate
     return demonstrate(Path(chosen.output), engine=chosen.engine)
+
+
+def _watch(chosen: argparse.Namespace) -> int:
+    with _needing_rclpy():
+        from fault_tolerance.nodes.watch_command import watch
+    return watch(chosen.namespace, chosen.mechanism, chosen.duration)
+
+
+def _report(chosen: argparse.Namespace) -> int:
+    commands.report(chosen.bag, chosen.output, chosen.namespace)
+    return 0
 
 
 def _inject(chosen: argparse.Namespace) -> int:

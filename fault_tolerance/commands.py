@@ -16,7 +16,10 @@ from rich.console import Console, RenderableType
 
 from fault_tolerance.analysis.check_tables import check_table
 from fault_tolerance.analysis.checks import check_report
+from fault_tolerance.analysis.demonstration import summary, summary_table
+from fault_tolerance.analysis.recording import recordings_of
 from fault_tolerance.analysis.reports import measures_report
+from fault_tolerance.analysis.runs import run_of
 from fault_tolerance.analysis.tables import (
     measures_records,
     measures_table,
@@ -112,6 +115,23 @@ def draw(configuration: Configuration, state: PostFailure, picture: Path) -> Non
         save_figure(figure, picture)
     except (OSError, ValueError) as error:
         raise FaultToleranceError(f'{picture}: cannot be written ({error})') from None
+
+
+def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
+    """Print what the recording ``bag`` shows, and write the report of it."""
+    try:
+        # Only this needs rosbags and matplotlib, which a robot may well not have.
+        from fault_tolerance.analysis.bags import read_messages
+        from fault_tolerance.analysis.report_page import write_report
+    except ImportError as error:
+        reason = f'reports need rosbags and matplotlib: {error.name} is not installed'
+        raise FaultToleranceError(reason) from None
+    run = run_of(recordings_of(read_messages(bag)), namespace)
+    _print_text(summary_table(summary(run)))
+    if folder is None:
+        folder = bag if bag.is_dir() else bag.parent
+    for path in write_report(run, folder):
+        print(path)
 
 
 def _examined(

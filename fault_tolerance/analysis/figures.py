@@ -1,153 +1,303 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of a demonstration: error and forces with and without recovery."""
+"""The picture of a run: where the mirror pointed, and over time error, forces, rates, measures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from fault_tolerance.analysis.demonstration import PhaseRecord
+from fault_tolerance.analysis.phases import PhaseRecord
+from fault_tolerance.analysis.runs import ONLY, RECOVERED, UNRECOVERED, Run
+from fault_tolerance.analysis.series import Series
 from fault_tolerance.mechanism.arrays import FloatArray
 
-# Okabe and Ito's blue and vermilion: told apart by everybody, and in grey print by lightness.
-COLOURS = {'recovered': '#0072B2', 'unrecovered': '#D55E00'}
-LABELS = {'recovered': 'with recovery', 'unrecovered': 'without recovery'}
-# A force of exactly zero has no place on a logarithmic axis.
-_LEAST_FORCE = 1e-4
-_LEAST_ERROR = 1e-3
+# Okabe and Ito's colours, told apart by everybody. In grey print the strokes differ: without
+# recovery wide and pale, so that it shows where the thin dark line with recovery lies on it.
+BLUE, VERMILION, ORANGE, GREEN, PURPLE = '#0072B2', '#D55E00', '#E69F00', '#009E73', '#CC79A7'
+STYLES: dict[str, dict[str, Any]] = {
+    RECOVERED: {'color': BLUE, 'linewidth': 1.3},
+    UNRECOVERED: {'color': '#F2A477', 'linewidth': 3.4},
+    ONLY: {'color': BLUE, 'linewidth': 1.3},
+}
+LABELS = {RECOVERED: 'with recovery', UNRECOVERED: 'without recovery', ONLY: 'as recorded'}
+_REFERENCE: dict[str, Any] = {'color': 'black', 'linewidth': 0.9, 'linestyle': (0, (1.0, 1.6))}
+_STROKES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
+_ACTUATOR_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, 'black')
+_MEASURE_STYLES: tuple[tuple[str, dict[str, Any]], ...] = (
+    ('p, worst stuck next', {'color': BLUE, 'linewidth': 1.6}),
+    ('t, worst free next', {'color': ORANGE, 'linewidth': 4.0, 'solid_capstyle': 'butt'}),
+    ('h, worst lost next', {'color': 'black', 'linewidth': 1.4, 'linestyle': (0, (1, 1.2))}),
+    ('manipulability kept', {'color': GREEN, 'linewidth': 1.2, 'linestyle': (0, (6, 2))}),
+)
+# A logarithmic axis has no place for zero.
+_LEAST = {'error': 1e-2, 'force': 1e-4}
+_MOST_PATHS = 6
+
+# Inches.
+_WIDTH, _LEFT, _RIGHT = 13.0, 0.95, 1.9
+_TITLE, _HEADS, _PANEL, _GAP, _BOTTOM = 0.62, 0.5, 1.75, 0.16, 0.55
 
 
-def demonstration_figure(passes: Mapping[str, Sequence[PhaseRecord]], period: float) -> Figure:
-    """Return the figure of a demonstration.
-
-    Parameters
-    ----------
-    passes : mapping of str to sequence of PhaseRecord
-        The records 'recovered' and 'unrecovered', of the same phases.
-    period : float
-        Seconds of the reference, marked on the error.
-    """
-    figure = Figure(figsize=(11.0, 6.2), layout='constrained')
-    axes = figure.subplot_mosaic(
-        [['errors', 'path'], ['forces', 'path']], width_ratios=(2.6, 1.0)
-    )
-    errors, forces = axes['errors'], axes['forces']
-    forces.sharex(errors)
-    errors.tick_params(labelbottom=False)
-    lengths = [
-        max(float(records[index].time.max(initial=0.0)) for records in passes.values())
-        for index in range(len(passes['recovered']))
-    ]
-    starts = np.concatenate([[0.0], np.cumsum(lengths)])
-    _shade(errors, forces, passes['recovered'], starts)
-    # Drawn first is drawn below: the recovered line must stay in sight.
-    for name in sorted(passes, reverse=True):
-        _draw_errors(errors, passes[name], starts, name, period)
-        _draw_forces(forces, passes[name], starts, lengths, name)
-    errors.set_ylabel('pointing error, µrad')
-    errors.set_yscale('log')
-    forces.set_ylabel('largest strut force, N')
-    forces.set_yscale('log')
-    forces.set_xlabel('time, s (mending and clearing between phases left out)')
-    errors.legend(loc='upper left', ncols=2, frameon=False, fontsize=9)
-    for chart in (errors, forces):
-        chart.grid(True, which='major', axis='y', linewidth=0.4, alpha=0.6)
-        chart.set_xlim(0.0, float(starts[-1]))
-    _draw_path(axes['path'], passes)
+def report_figure(run: Run) -> Figure:
+    """Return the figure of a run; what was not recorded is left out."""
+    panels = _panels(run)
+    count = min(len(run.main), _MOST_PATHS) if len(run.main[0].path) else 0
+    side = (_WIDTH - _LEFT - _RIGHT) / max(count, 3)
+    paths = (side + 0.45 if count else 0.0) + _HEADS
+    height = _TITLE + paths + len(panels) * (_PANEL + _GAP) + _BOTTOM
+    figure = Figure(figsize=(_WIDTH, height))
+    FigureCanvasAgg(figure)
+    title, subtitle = _words(run)
+    figure.text(_LEFT / _WIDTH, 1.0 - 0.26 / height, title, fontsize=13, fontweight='bold',
+                va='center')
+    figure.text(_LEFT / _WIDTH, 1.0 - 0.5 / height, subtitle, fontsize=9.5, color='0.3',
+                va='center')
+    if count:
+        _draw_paths(figure, run, count, side, 1.0 - (_TITLE + _HEADS) / height)
+    charts = []
+    for index, draw in enumerate(panels):
+        top = height - _TITLE - paths - index * (_PANEL + _GAP)
+        axes = figure.add_axes((
+            _LEFT / _WIDTH, (top - _PANEL) / height,
+            (_WIDTH - _LEFT - _RIGHT) / _WIDTH, _PANEL / height,
+        ))
+        draw(axes, run)
+        charts.append(axes)
+    starts = _starts(run)
+    for axes in charts:
+        _shade(axes, run.main, starts)
+        axes.tick_params(labelbottom=axes is charts[-1])
+        _explain(axes)
+    if charts:
+        _number(charts[0], run.main, starts)
+        between = '' if run.period is None else ' (mending and clearing between phases left out)'
+        charts[-1].set_xlabel(f'time, s{between}')
+    figure.align_ylabels(charts)
     return figure
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write ``figure`` in the format of the ending of ``path``."""
-    figure.savefig(path, dpi=150)
+def _words(run: Run) -> tuple[str, str]:
+    name = run.mechanism_name or 'a mechanism'
+    if UNRECOVERED not in run.passes:
+        return f'{name}: a recorded run', 'One column for each state of failure.'
+    return f'{name}: failures with recovery and without', (
+        'With recovery the kinematics are derived anew without what has failed; '
+        'without, the commands go on as if nothing had.'
+    )
 
 
-def _shade(
-    errors: Axes, forces: Axes, records: Sequence[PhaseRecord], starts: FloatArray
-) -> None:
+def _explain(axes: Axes) -> None:
+    """Put the legend beside the chart; what was drawn last, and lies on top, comes first."""
+    handles, labels = axes.get_legend_handles_labels()
+    if axes.get_yscale() == 'log':  # where the passes are compared
+        handles, labels = handles[::-1], labels[::-1]
+    axes.legend(
+        handles, labels, loc='upper left', bbox_to_anchor=(1.002, 1.04), frameon=False,
+        fontsize=8.5, handlelength=2.8, handletextpad=0.5,
+    )
+
+
+def _panels(run: Run) -> list[Callable[[Axes, Run], None]]:
+    """Return the functions that draw what there is data for."""
+    panels: list[tuple[Callable[[Axes, Run], None], Callable[[PhaseRecord], Series]]] = [
+        (_draw_errors, lambda record: record.error),
+        (_draw_forces, lambda record: record.efforts),
+        (_draw_rates, lambda record: record.rates),
+        (_draw_measures, lambda record: record.course),
+    ]
+    return [draw for draw, of in panels if any(of(record).values.size for record in run.main)]
+
+
+def _starts(run: Run) -> FloatArray:
+    """Return where the phases begin on the common axis, and where the last one ends."""
+    lengths = [
+        max(record.duration for record in records)
+        for records in zip(*run.passes.values(), strict=True)
+    ]
+    return np.concatenate([[0.0], np.cumsum(lengths)])
+
+
+def _shade(axes: Axes, records: Sequence[PhaseRecord], starts: FloatArray) -> None:
     for index, record in enumerate(records):
         begin, end = float(starts[index]), float(starts[index + 1])
-        for axes in (errors, forces):
-            if record.phase.failures:
-                axes.axvspan(begin, end, color='0.94' if index % 2 else '0.90', linewidth=0)
-            axes.axvline(begin, color='0.6', linewidth=0.6)
-        name = record.phase.name.replace(', ', ',\n')
-        verdict = '' if record.state in ('nominal', 'degraded') else f'\n({record.state})'
-        errors.annotate(
-            name + verdict,
-            (0.5 * (begin + end), 1.0),
-            xycoords=('data', 'axes fraction'),
-            xytext=(0, 4),
-            textcoords='offset points',
-            ha='center',
-            va='bottom',
-            fontsize=8.5,
-        )
+        if record.phase.failures:
+            axes.axvspan(begin, end, color='0.95' if index % 2 else '0.90', linewidth=0, zorder=0)
+        axes.axvline(begin, color='0.55', linewidth=0.7, zorder=1)
+    axes.grid(True, which='major', axis='y', linewidth=0.4, color='0.75', zorder=1)
+    axes.set_xlim(0.0, float(starts[-1]))
 
 
-def _draw_errors(
-    axes: Axes, records: Sequence[PhaseRecord], starts: FloatArray, name: str, period: float
+def _number(axes: Axes, records: Sequence[PhaseRecord], starts: FloatArray) -> None:
+    """Write the numbers of the phases, where there is room for them."""
+    for index in range(len(records)):
+        begin, length = float(starts[index]), float(starts[index + 1] - starts[index])
+        if length > 0.02 * float(starts[-1]):
+            axes.annotate(
+                str(index + 1), (begin, 1.0), xycoords=('data', 'axes fraction'),
+                xytext=(4, -3), textcoords='offset points', va='top', fontsize=8.5,
+                fontweight='bold', zorder=9,
+                bbox={'boxstyle': 'circle,pad=0.15', 'facecolor': 'white', 'edgecolor': '0.4',
+                      'linewidth': 0.7},
+            )
+
+
+def _draw_passes(
+    axes: Axes, run: Run, least: float, values: Callable[[PhaseRecord], Series]
 ) -> None:
-    for index, record in enumerate(records):
-        length = 1e6 * np.linalg.norm(record.error, axis=1)
-        length = np.maximum(length, _LEAST_ERROR)
-        axes.plot(
-            starts[index] + record.time,
-            length,
-            color=COLOURS[name],
-            linewidth=0.9,
-            label=LABELS[name] if index == 0 else None,
-        )
+    starts = _starts(run)
+    # Drawn first is drawn below: the recovered line must stay in sight.
+    for name in reversed(run.passes):
+        for index, record in enumerate(run.passes[name]):
+            series = values(record)
+            label = LABELS[name] if index == 0 else None
+            axes.plot(
+                starts[index] + series.time, np.maximum(series.values[:, 0], least),
+                label=label, zorder=3, **STYLES[name],
+            )
+    axes.set_yscale('log')
 
 
-def _draw_forces(
-    axes: Axes,
-    records: Sequence[PhaseRecord],
-    starts: FloatArray,
-    lengths: Sequence[float],
-    name: str,
+def _draw_errors(axes: Axes, run: Run) -> None:
+    def micro(record: PhaseRecord) -> Series:
+        length = 1e6 * np.linalg.norm(record.error.values, axis=1)
+        return Series(record.error.time, length[:, None])
+
+    _draw_passes(axes, run, _LEAST['error'], micro)
+    axes.set_ylabel('pointing error\nµrad')
+
+
+def _draw_forces(axes: Axes, run: Run) -> None:
+    _draw_passes(axes, run, _LEAST['force'], lambda record: record.forces)
+    axes.set_ylabel('largest strut force\nbeyond preload, N')
+
+
+def _draw_rates(axes: Axes, run: Run) -> None:
+    starts, records = _starts(run), run.main
+    largest = max(float(np.abs(one.rates.values).max(initial=0.0)) for one in records)
+    factor, unit = _scale(largest, _rate_unit(run))
+    for column, name in enumerate(run.actuators):
+        style: dict[str, Any] = {
+            'color': _ACTUATOR_COLOURS[column % len(_ACTUATOR_COLOURS)],
+            'linestyle': _STROKES[column % len(_STROKES)],
+        }
+        for index, record in enumerate(records):
+            if column < record.rates.values.shape[1]:
+                axes.plot(
+                    starts[index] + record.rates.time, factor * record.rates.values[:, column],
+                    linewidth=1.2, label=name if index == 0 else None, zorder=3, **style,
+                )
+    _draw_limits(axes, run.rate_limits, largest, factor, unit)
+    words = f'{LABELS[RECOVERED]}, ' if UNRECOVERED in run.passes else ''
+    axes.set_ylabel(f'commanded rate\n{words}{unit}')
+
+
+def _draw_limits(
+    axes: Axes, limits: FloatArray, largest: float, factor: float, unit: str
 ) -> None:
-    for index, record in enumerate(records):
-        if not record.efforts.size:
-            continue
-        largest = np.abs(record.efforts - record.preload).max(axis=1)
-        time = np.linspace(0.0, lengths[index], len(largest))
-        axes.plot(
-            starts[index] + time,
-            np.maximum(largest, _LEAST_FORCE),
-            color=COLOURS[name],
-            linewidth=0.9,
-        )
+    """Draw the limits that are near, and say where the others are."""
+    least = float(limits.min(initial=np.inf))
+    bound = 1.35 * factor * (largest or 1.0)
+    if not np.isfinite(least):
+        words = 'no rate limit'
+    elif least > 3.0 * largest:
+        words = f'limit ±{factor * least:.3g} {unit}, far outside'
+    else:
+        bound = 1.35 * factor * max(least, largest)
+        for sign in (-1.0, 1.0):
+            axes.axhline(sign * factor * least, color='black', linewidth=1.6, zorder=2)
+        words = f'limit ±{factor * least:.3g} {unit} (thick)'
+    axes.set_ylim(-bound, bound)
+    # Above the legend's column, so that nothing is covered.
+    axes.plot([], [], linestyle='none', label=_folded(words, 22))
 
 
-def _draw_path(axes: Axes, passes: Mapping[str, Sequence[PhaseRecord]]) -> None:
-    """Draw where the mirror pointed in the first phase with a failure."""
-    index = next(
-        (i for i, record in enumerate(passes['recovered']) if record.phase.failures), 0
+def _draw_measures(axes: Axes, run: Run) -> None:
+    starts = _starts(run)
+    for column, (label, style) in enumerate(_MEASURE_STYLES):
+        for index, record in enumerate(run.main):
+            # Each value holds until the next one, the last until the end.
+            time = np.append(record.course.time, record.duration)
+            values = record.course.values[:, column]
+            axes.step(
+                starts[index] + time, np.append(values, values[-1:])[:len(time)],
+                where='post', label=label if index == 0 else None, zorder=3 + 0.1 * column,
+                **style,
+            )
+    axes.set_ylim(-0.05, 1.08)
+    axes.set_ylabel('measures\n(0: intolerable)')
+
+
+def _draw_paths(figure: Figure, run: Run, count: int, side: float, top: float) -> None:
+    """Draw where the mirror pointed, one square above its phase."""
+    width, height = figure.get_size_inches()
+    wanted = max(float(np.abs(one.reference.values).max(initial=0.0)) for one in run.main)
+    factor, unit = _scale(wanted, 'rad')
+    bound = 1.3 * factor * (wanted or 1.0)
+    first: Axes | None = None
+    for index in range(count):
+        inset = 0.05 * side
+        axes = figure.add_axes((
+            (_LEFT + index * side + inset) / width, top - (side - inset) / height,
+            (side - 2.0 * inset) / width, (side - 2.0 * inset) / height,
+        ))
+        for name in reversed(run.passes):
+            record = run.passes[name][index]
+            path = factor * record.path.values[record.path.time >= record.settled]
+            axes.plot(path[:, 0], path[:, 1], **STYLES[name])
+            # A mirror that stands still is a point.
+            if len(path) and np.ptp(path, axis=0).max() < 0.02 * bound:
+                size = 4.0 + 2.0 * STYLES[name]['linewidth']
+                axes.plot(*path[-1], 'o', markersize=size, color=STYLES[name]['color'])
+        reference = factor * run.main[index].reference.values
+        axes.plot(reference[:, 0], reference[:, 1], **_REFERENCE)
+        axes.set_xlim(-bound, bound)
+        axes.set_ylim(-bound, bound)
+        axes.set_aspect('equal')
+        axes.grid(True, linewidth=0.4, color='0.8')
+        axes.tick_params(labelsize=8, labelleft=index == 0)
+        axes.set_xlabel(f'tilt about x, {unit}', fontsize=8.5, labelpad=2)
+        axes.set_title(_heading(index, run.main[index], side), fontsize=9.5, pad=5)
+        first = first or axes
+    assert first is not None
+    first.set_ylabel(f'tilt about y, {unit}', fontsize=8.5, labelpad=2)
+    handles = [Line2D([], [], label=LABELS[name], **STYLES[name]) for name in run.passes]
+    handles.append(Line2D([], [], label='reference', **_REFERENCE))
+    figure.legend(
+        handles=handles, loc='upper left', fontsize=8.5, frameon=False, handlelength=2.8,
+        handletextpad=0.5, title='mirror path', alignment='left', borderpad=0.0,
+        bbox_to_anchor=((width - _RIGHT + 0.09) / width, top),
     )
-    for name in sorted(passes, reverse=True):
-        record = passes[name][index]
-        settled = record.time >= record.settled
-        path = 1e3 * (record.reference - record.error)[settled]
-        axes.plot(path[:, 0], path[:, 1], color=COLOURS[name], linewidth=1.4, label=LABELS[name])
-    reference = 1e3 * passes['recovered'][index].reference
-    axes.plot(
-        reference[:, 0],
-        reference[:, 1],
-        color='black',
-        linewidth=0.8,
-        linestyle=(0, (4, 3)),
-        label='reference',
-    )
-    axes.set_aspect('equal')
-    axes.set_title(f'mirror path, {passes["recovered"][index].phase.name}', fontsize=10)
-    axes.set_xlabel('tilt about x, mrad')
-    axes.set_ylabel('tilt about y, mrad')
-    axes.grid(True, linewidth=0.4, alpha=0.6)
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.18), frameon=False, fontsize=9)
+
+
+def _heading(index: int, record: PhaseRecord, side: float) -> str:
+    name = _folded(record.phase.name, int(11.0 * side))
+    kept = record.state in ('', 'nominal', 'degraded')
+    return f'{index + 1}  {name}' + ('' if kept else f': {record.state}')
+
+
+def _folded(text: str, width: int) -> str:
+    return '\n'.join(wrap(text, max(width, 8), max_lines=3, placeholder=' ...'))
+
+
+def _rate_unit(run: Run) -> str:
+    if run.mechanism is None:
+        return 'm/s or rad/s'
+    kinds = {one.kind for one in run.mechanism.actuators}
+    units = [unit for kind, unit in (('prismatic', 'm/s'), ('revolute', 'rad/s')) if kind in kinds]
+    return ' or '.join(units)
+
+
+def _scale(largest: float, unit: str) -> tuple[float, str]:
+    """Return a factor and the unit after it in which ``largest`` is a handy number."""
+    if ' or ' in unit or largest >= 0.5 or largest <= 0.0:
+        return 1.0, unit
+    return (1e3, f'm{unit}') if largest >= 5e-6 else (1e6, f'µ{unit}')

@@ -1,14 +1,13 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The operator of a demonstration: breaks and mends the simulated mirror, and takes notes."""
+"""The operator of a demonstration: breaks and mends the simulated mirror, and says so."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from time import monotonic
 
-import numpy as np
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,82 +17,46 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.analysis import topics
 from fault_tolerance.nodes.messages import nanoseconds_from_msg
-
-METRICS = (
-    'position_tolerance',
-    'torque_tolerance',
-    'hard_tolerance',
-    'retained_manipulability',
-    'condition_number',
-    'recovery_time',
-    'active_failures',
-)
-"""The controller's metrics that go into the summary."""
-
-
-class Notes:
-    """Samples with the time they were taken, seconds on the clock of the simulator."""
-
-    def __init__(self) -> None:
-        self._times: list[float] = []
-        self._samples: list[list[float]] = []
-
-    def __len__(self) -> int:
-        """Return how many there are."""
-        return len(self._times)
-
-    @property
-    def last(self) -> list[float]:
-        """The newest one; empty if there is none."""
-        return self._samples[-1] if self._samples else []
-
-    def add(self, time: float, sample: list[float]) -> None:
-        """Note a sample."""
-        self._times.append(time)
-        self._samples.append(sample)
-
-    def since(self, start: float, end: float = np.inf) -> tuple[FloatArray, FloatArray]:
-        """Return the times (k,) and samples (k, c) from ``start`` to before ``end``."""
-        times = np.array(self._times)
-        chosen = (times >= start) & (times < end)
-        return times[chosen], np.array(self._samples)[chosen]
 
 
 class Operator(Node):
-    """Injects faults, clears them, and notes errors, references, forces, states and metrics."""
+    """Injects faults, clears them, and knows the controller's state.
 
-    def __init__(self) -> None:
-        super().__init__('operator')
-        self.errors, self.references, self.efforts = Notes(), Notes(), Notes()
+    Parameters
+    ----------
+    namespace : str
+        Of the nodes it talks to.
+    """
+
+    def __init__(self, namespace: str = '') -> None:
+        super().__init__('operator', namespace=namespace)
         self.state = self.answer = self.refusal = ''
         self._faults_by_name = AsyncParameterClient(self, 'fsm')
-        self.metrics: dict[str, float] = {}
+        self.active_failures = -1
+        self.is_pointing = False
         self._last = 0.0
         self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
         self._clear = self.create_client(Trigger, 'fault_tolerance/clear_failures')
         self._pause = self.create_client(SetBool, 'fault_tolerance/pause')
         sensor = qos_profile_sensor_data
-        for topic, notes in (('error', self.errors), ('reference', self.references)):
-            self.create_subscription(
-                Vector3Stamped, f'pointing/{topic}', self._noted(notes), sensor
-            )
-        self.create_subscription(JointState, 'joint_states', self._take_joint_state, sensor)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(String, 'fault_tolerance/state', self._take_state, latched)
-        for name in METRICS:
-            self.create_subscription(
-                Float64, f'fault_tolerance/metrics/{name}', self._taken(name), 10
-            )
+        self._phases = self.create_publisher(String, topics.PHASE, latched)
+        self.create_subscription(Vector3Stamped, topics.POINTING_ERROR, self._take_error, sensor)
+        self.create_subscription(JointState, topics.JOINT_STATES, self._take_joint_state, sensor)
+        self.create_subscription(String, topics.STATE, self._take_state, latched)
+        self.create_subscription(
+            Float64, f'{topics.METRICS}/active_failures', self._take_active_failures, 10
+        )
 
     @property
     def ready(self) -> bool:
         """Whether everything that is needed can be heard and reached."""
         return bool(
             self.state
-            and len(self.errors)
-            and len(self.efforts)
+            and self.is_pointing
+            and self._last
             and self.simulator_listens
             and self.controller_listens
         )
@@ -110,12 +73,21 @@ class Operator(Node):
 
     @property
     def now(self) -> float:
-        """The time of the last force noted, seconds."""
+        """The stamp of the last joint state, seconds."""
         return self._last
 
     def inject(self, words: str) -> None:
         """Break or mend something."""
         self._faults.publish(String(data=words))
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether somebody takes down its notes."""
+        return bool(self._phases.get_subscription_count())
+
+    def note(self, text: str) -> None:
+        """Say that a phase begins (`note_as_text`) or ends (empty)."""
+        self._phases.publish(String(data=text))
 
     def set_fault(self, name: str, words: str) -> Callable[[], bool]:
         """Break or mend one part; the result tells whether the simulator answered.
@@ -149,25 +121,17 @@ class Operator(Node):
         future = self._pause.call_async(SetBool.Request(data=paused))
         return lambda: bool(future.done())
 
-    def _noted(self, notes: Notes) -> Callable[[Vector3Stamped], None]:
-        def take(message: Vector3Stamped) -> None:
-            time = nanoseconds_from_msg(message.header.stamp) * 1e-9
-            notes.add(time, [message.vector.x, message.vector.y])
+    def _take_error(self, _: Vector3Stamped) -> None:
+        self.is_pointing = True
 
-        return take
-
-    def _taken(self, name: str) -> Callable[[Float64], None]:
-        def take(message: Float64) -> None:
-            self.metrics[name] = message.data
-
-        return take
+    def _take_active_failures(self, message: Float64) -> None:
+        self.active_failures = int(message.data)
 
     def _take_state(self, message: String) -> None:
         self.state = message.data
 
     def _take_joint_state(self, message: JointState) -> None:
         self._last = nanoseconds_from_msg(message.header.stamp) * 1e-9
-        self.efforts.add(self._last, message.effort.tolist())
 
 
 class Deadline:

@@ -26,17 +26,22 @@ class NodeProcesses:
     parameters : mapping of str to mapping
         Parameters by the node's module name (``controller``, ``fsm_simulator``,
         ``pointing_reference``).
+    namespace : str
+        Of all three.
     """
 
-    def __init__(self, parameters: Mapping[str, Mapping[str, object]]) -> None:
+    def __init__(
+        self, parameters: Mapping[str, Mapping[str, object]], namespace: str = ''
+    ) -> None:
         self._parameters = parameters
+        self._remapping = ['-r', f'__ns:=/{namespace}'] if namespace else []
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> NodeProcesses:
         """Start them."""
         for module, values in self._parameters.items():
             command = [sys.executable, '-m', f'fault_tolerance.nodes.{module}', '--ros-args']
-            command += ['--log-level', 'error']
+            command += ['--log-level', 'error', *self._remapping]
             for name, value in values.items():
                 text = str(value).lower() if isinstance(value, bool) else str(value)
                 command += ['-p', f'{name}:={text}']

@@ -70,13 +70,13 @@ def test_sourced_ros_is_used(empty, tmp_path):
     answer = make('-C', empty, '-n', 'venv', f'PYTHON={sourced}', ROS_DISTRO='jazzy')
     assert f'Preparing .venv with {sourced} (jazzy)' in answer.stdout
     assert '--system-site-packages' in answer.stdout
-    assert "pip install -q --disable-pip-version-check -e '.[plot,test]'" in answer.stdout
+    assert "pip install -q --disable-pip-version-check -e '.[plot,record,test]'" in answer.stdout
 
 
 def test_ros_that_cannot_be_imported_is_not_used(empty):
     answer = make('-C', empty, '-n', 'venv', f'PYTHON={sys.executable}', ROS_DISTRO='')
     assert '(wheels)' in answer.stdout
-    assert "-e '.[ros,plot,test]'" in answer.stdout
+    assert "-e '.[ros,plot,record,test]'" in answer.stdout
 
 
 def test_demo_passes_engine_and_arguments_on():

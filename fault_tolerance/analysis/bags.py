@@ -1,0 +1,88 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings as files: MCAP as rosbag2 writes it, and any bag that rosbags can read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.rosbag2 import (
+    CompressionFormat,
+    CompressionMode,
+    ReaderError,
+    StoragePlugin,
+    Writer,
+)
+from rosbags.typesys import Stores, get_typestore
+
+from fault_tolerance.analysis import topics
+from fault_tolerance.analysis.recording import Message, Sample
+from fault_tolerance.errors import FaultToleranceError
+
+METADATA = 'metadata.yaml'
+
+
+def write_bag(file: Path, samples: Iterable[Sample]) -> None:
+    """Write ``samples`` to an MCAP ``file``, and metadata.yaml beside it.
+
+    The file opens by itself; the metadata make its folder a bag as well.
+    """
+    typestore = get_typestore(Stores.ROS2_JAZZY)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    # The library makes a folder of its own for the two files.
+    with TemporaryDirectory(dir=file.parent) as scratch:
+        bag = Path(scratch) / file.stem
+        # Version 9 of the metadata is Jazzy's.
+        writer = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        connections = {}
+        with writer:
+            for topic, kind, time, data in sorted(samples, key=lambda one: one.time):
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=typestore)
+                writer.write(connections[topic], time, data)
+        (bag / file.name).replace(file)
+        (bag / METADATA).replace(file.parent / METADATA)
+
+
+def read_samples(path: Path) -> Iterator[Sample]:
+    """Yield everything in a bag: an MCAP or SQLite file, or a folder with metadata.yaml.
+
+    Raises
+    ------
+    FaultToleranceError
+        If it cannot be read.
+    """
+    with _opened(path) as reader:
+        for connection, time, data in reader.messages():
+            yield Sample(connection.topic, connection.msgtype, time, bytes(data))
+
+
+def read_messages(path: Path) -> Iterator[Message]:
+    """Yield those messages of a bag that a `Recording` is made of.
+
+    Raises
+    ------
+    FaultToleranceError
+        If it cannot be read.
+    """
+    with _opened(path) as reader:
+        chosen = [one for one in reader.connections if topics.split(one.topic)]
+        for connection, time, data in reader.messages(connections=chosen) if chosen else ():
+            yield Message(connection.topic, time, reader.deserialize(data, connection.msgtype))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[AnyReader]:
+    if not path.exists():
+        raise FaultToleranceError(f'{path}: there is no such bag')
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            yield reader
+    except (AnyReaderError, ReaderError, OSError, ValueError, AssertionError) as error:
+        raise FaultToleranceError(f'{path}: not a bag that can be read ({error})') from None

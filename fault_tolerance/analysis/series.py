@@ -1,0 +1,62 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Values over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Samples with their times.
+
+    Attributes
+    ----------
+    time : (k,) array
+        Seconds, ascending.
+    values : (k, c) array
+    """
+
+    time: FloatArray
+    values: FloatArray
+
+    def __len__(self) -> int:
+        """Return how many samples there are."""
+        return len(self.time)
+
+    def since(self, begin: float, end: float = inf) -> Series:
+        """Return the part from ``begin`` to before ``end``, with times counted from ``begin``."""
+        chosen = (self.time >= begin) & (self.time < end)
+        return Series(self.time[chosen] - begin, self.values[chosen])
+
+    def minus(self, other: Series) -> Series:
+        """Return the difference, at the times that both have."""
+        time, ours, theirs = np.intersect1d(self.time, other.time, return_indices=True)
+        return Series(time, self.values[ours] - other.values[theirs])
+
+
+def series_of(samples: Sequence[tuple[float, Sequence[float]]], columns: int = 0) -> Series:
+    """Return the series of ``samples``, sorted by time.
+
+    Parameters
+    ----------
+    samples : sequence of (float, sequence of float)
+        Time and values. Those of another length than the last one are left out: they are no
+        measurement of the same things.
+    columns : int
+        Width of the result if there are no samples.
+    """
+    width = len(samples[-1][1]) if samples else columns
+    alike = sorted((one for one in samples if len(one[1]) == width), key=lambda one: one[0])
+    return Series(
+        np.array([time for time, _ in alike], dtype=np.float64),
+        np.array([values for _, values in alike], dtype=np.float64).reshape(-1, width),
+    )

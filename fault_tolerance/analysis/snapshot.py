@@ -1,0 +1,116 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A controlled mechanism at one moment, as plain data for people to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, sqrt
+
+WORDS = {'none': 'healthy', 'position': 'stuck', 'torque': 'free', 'hard': 'lost'}
+"""What people call a failure."""
+
+LETTERS = {'position': 'p', 'torque': 't', 'hard': 'h'}
+"""What the paper calls the measure of a failure."""
+
+NOT_TOLERATED = 1e-4
+"""A measure below this is as good as 0."""
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An actuator: what has failed, what failing next would leave, and how fast it is to go.
+
+    Attributes
+    ----------
+    name : str
+    failure : str
+        ``none``, ``position``, ``torque`` or ``hard``.
+    position, torque : float or None
+        Measure if it failed next; None if that cannot happen any more, or is not known.
+    rate : float or None
+        Commanded, m/s or rad/s.
+    limit : float
+        Of the rate.
+    unit : str
+        Of the rate; empty if not known.
+    """
+
+    name: str
+    failure: str = 'none'
+    position: float | None = None
+    torque: float | None = None
+    rate: float | None = None
+    limit: float = inf
+    unit: str = ''
+
+
+@dataclass(frozen=True)
+class Strut:
+    """A strut, and the measure if it were lost next (None: it has been, or not known)."""
+
+    name: str
+    failure: str = 'none'
+    hard: float | None = None
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Everything the live view shows.
+
+    Attributes
+    ----------
+    title : str
+        Mechanism and namespace.
+    state : str
+        Of the controller; empty before it has been heard.
+    reason : str
+    failures : tuple of str
+        As ``position:theta_4``.
+    worst_next : str
+        The next failure that hurts most, as ``torque:theta_1``; empty if none is left.
+    worst_measure : float
+    values : mapping of str to float
+        Further numbers to show, by the words for them.
+    actuators : tuple of Actuator
+    struts : tuple of Strut
+    errors : tuple of float
+        The last pointing errors, radians, oldest first; empty if nobody publishes them.
+    fastest : float
+        The largest rate of late: full scale of the bars.
+    age : float
+        Seconds since the controller was last heard.
+    """
+
+    title: str
+    state: str = ''
+    reason: str = ''
+    failures: tuple[str, ...] = ()
+    worst_next: str = ''
+    worst_measure: float = 0.0
+    values: Mapping[str, float] | None = None
+    actuators: tuple[Actuator, ...] = ()
+    struts: tuple[Strut, ...] = ()
+    errors: tuple[float, ...] = ()
+    fastest: float = 0.0
+    age: float = 0.0
+
+    @property
+    def rms_error(self) -> float | None:
+        """The root mean square of the last errors, radians; None if there are none."""
+        if not self.errors:
+            return None
+        return sqrt(sum(error * error for error in self.errors) / len(self.errors))
+
+
+def with_prefix(value: float, unit: str) -> str:
+    """Return a quantity with a prefix that leaves one to three digits before the point."""
+    if not unit:
+        return f'{value:.3g}'
+    size = abs(value)
+    for factor, prefix in ((1.0, ''), (1e-3, 'm'), (1e-6, 'u'), (1e-9, 'n')):
+        if size >= factor:
+            return f'{value / factor:.3g} {prefix}{unit}'
+    return f'0 {unit}'

@@ -1,0 +1,65 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The topics of a controlled mechanism: what is recorded, and what a recording is read for."""
+
+from __future__ import annotations
+
+SCALARS = (
+    'position_tolerance',
+    'torque_tolerance',
+    'hard_tolerance',
+    'retained_manipulability',
+    'condition_number',
+    'recovery_time',
+    'active_failures',
+)
+"""The controller's metrics with a topic of their own."""
+
+JOINT_STATES = 'joint_states'
+COMMANDS = 'velocity_controller/commands'
+STATE = 'fault_tolerance/state'
+METRICS = 'fault_tolerance/metrics'
+POINTING_ERROR = 'pointing/error'
+POINTING_REFERENCE = 'pointing/reference'
+PHASE = 'operator/phase'
+DIAGNOSTICS = '/diagnostics'
+
+RECORDED = {
+    JOINT_STATES: 'sensor_msgs/msg/JointState',
+    COMMANDS: 'std_msgs/msg/Float64MultiArray',
+    STATE: 'std_msgs/msg/String',
+    METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
+    **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
+    **{
+        f'{METRICS}/{mode}': 'std_msgs/msg/Float64MultiArray'
+        for mode in ('position', 'torque', 'hard')
+    },
+    'fault_tolerance/task_velocity': 'geometry_msgs/msg/TwistStamped',
+    'fault_tolerance/achieved_velocity': 'geometry_msgs/msg/TwistStamped',
+    'fsm/inject_fault': 'std_msgs/msg/String',
+    'fsm/mirror_pose': 'geometry_msgs/msg/PoseStamped',
+    'fsm/mirror_velocity': 'geometry_msgs/msg/TwistStamped',
+    'fsm/markers': 'visualization_msgs/msg/MarkerArray',
+    POINTING_ERROR: 'geometry_msgs/msg/Vector3Stamped',
+    POINTING_REFERENCE: 'geometry_msgs/msg/Vector3Stamped',
+    PHASE: 'std_msgs/msg/String',
+    DIAGNOSTICS: 'diagnostic_msgs/msg/DiagnosticArray',
+}
+"""Types by name; a name that does not begin with a slash is relative to the robot's namespace."""
+
+_READ = (
+    *(JOINT_STATES, COMMANDS, STATE, METRICS, POINTING_ERROR, POINTING_REFERENCE, PHASE),
+    *(f'{METRICS}/{name}' for name in (*SCALARS, 'position')),
+)
+
+
+def split(topic: str) -> tuple[str, str] | None:
+    """Return namespace (empty, or with a leading slash) and relative name of a full topic.
+
+    None for a topic that nothing is read from.
+    """
+    for name in _READ:
+        if topic.endswith(f'/{name}'):
+            return topic[: -len(name) - 1], name
+    return None
