@@ -24,11 +24,12 @@ ARGUMENTS = (
     ('use_sim_time', 'false', 'take the time from /clock'),
     ('params_file', '', 'parameters that override the shipped ones'),
     ('log_level', 'info', 'debug, info, warn, error or fatal'),
+    ('rviz', 'false', 'look at the mirror in RViz as well'),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the three nodes, with their arguments."""
+    """Return the nodes, with their arguments."""
     arguments = [
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, default, text in ARGUMENTS
@@ -42,7 +43,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     if chosen['mechanism']:
         given['mechanism'] = chosen['mechanism']
     files = [chosen['params_file']] if chosen['params_file'] else []
-    return [
+    nodes: list[LaunchDescriptionEntity] = [
         Node(
             package='fault_tolerance',
             executable=executable,
@@ -55,3 +56,21 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         )
         for executable, name, shipped in NODES
     ]
+    if chosen['rviz'].lower() == 'true':
+        nodes.append(_rviz(chosen['namespace'], given['use_sim_time']))
+    return nodes
+
+
+def _rviz(namespace: str, use_sim_time: object) -> Node:
+    """Return RViz, with the markers of the simulated mirror in ``namespace``."""
+    markers = '/'.join(['', *filter(None, [namespace.strip('/')]), 'fsm', 'markers'])
+    return Node(
+        package='rviz2',
+        executable='rviz2',
+        name='rviz',
+        namespace=namespace,
+        parameters=[{'use_sim_time': use_sim_time}],
+        remappings=[('/fsm/markers', markers)],
+        arguments=['-d', str(CONFIG / 'fsm.rviz'), '--ros-args', '--log-level', 'warn'],
+        output='screen',
+    )

@@ -14,14 +14,13 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from visualization_msgs.msg import MarkerArray
 
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.health import OK, Health
 from fault_tolerance.nodes.injection import FAULTS, FaultInjection
-from fault_tolerance.nodes.markers import markers_of
+from fault_tolerance.nodes.markers import MarkerPublisher
 from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
 from fault_tolerance.nodes.parameter_tables import SIMULATOR
 from fault_tolerance.nodes.parameters import declared_values, settings_from
@@ -32,7 +31,6 @@ from fault_tolerance.simulation.settings import PlantSettings
 from fault_tolerance.simulation.state import LONGEST_STEP
 
 NAME = 'fsm'
-MARKER_PERIOD = 0.1
 
 
 class FsmSimulator(Node):
@@ -60,7 +58,7 @@ class FsmSimulator(Node):
         self._twists = self.create_publisher(
             TwistStamped, '~/mirror_velocity', qos_profile_sensor_data
         )
-        self._markers = self.create_publisher(MarkerArray, '~/markers', 1)
+        MarkerPublisher(self, self._plant, self._frame, values['marker_exaggeration'])
         self._injection = FaultInjection(
             self, self._plant, self._health, values['enable_fault_injection']
         )
@@ -69,7 +67,6 @@ class FsmSimulator(Node):
         )
         self._last = self.get_clock().now()
         self.create_timer(self._period, self._advance)
-        self.create_timer(MARKER_PERIOD, self._publish_markers)
 
     def _on_command(self, message: Float64MultiArray) -> None:
         rates = np.array(message.data)
@@ -103,11 +100,6 @@ class FsmSimulator(Node):
         )
         self._poses.publish(pose_to_msg(stamp, self._frame, state.pose))
         self._twists.publish(twist_to_msg(stamp, self._frame, state.twist))
-
-    def _publish_markers(self) -> None:
-        if self._markers.get_subscription_count():
-            stamp = self.get_clock().now().to_msg()
-            self._markers.publish(markers_of(stamp, self._frame, self._plant))
 
 
 def _settings(values: dict[str, Any]) -> PlantSettings:

@@ -153,6 +153,10 @@ SIMULATOR = (
         'engagement_time', PlantSettings.engagement_time,
         'time constant with which a mended part takes up its load', 's', (1e-6, _LONGEST),
     ),
+    Parameter(
+        'marker_exaggeration', 100.0, 'how many times as large ~/markers shows motions', '',
+        (1.0, 1e6),
+    ),
 )
 
 POINTING = (

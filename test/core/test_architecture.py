@@ -165,8 +165,8 @@ for module in pkgutil.walk_packages(fault_tolerance.__path__, 'fault_tolerance.'
     try:
         importlib.import_module(module.name)
     except ModuleNotFoundError as error:
-        # Drawing is an extra.
-        if error.name.partition('.')[0] != 'matplotlib':
+        # Drawing and recording are extras.
+        if error.name.partition('.')[0] not in ('matplotlib', 'rosbags'):
             raise
     count += 1
 from fault_tolerance.cli import main

@@ -59,7 +59,23 @@ def test_it_says_which_arguments_it_takes():
 
     description = get_launch_description_from_python_launch_file(str(LAUNCH))
     names = [argument.name for argument in description.get_launch_arguments()]
-    assert names == ['mechanism', 'namespace', 'use_sim_time', 'params_file', 'log_level']
+    assert names == [
+        'mechanism', 'namespace', 'use_sim_time', 'params_file', 'log_level', 'rviz']
+
+
+@pytest.mark.parametrize(('given', 'wanted'), [('false', 3), ('true', 4), ('True', 4)])
+def test_rviz_comes_on_request(given, wanted):
+    from launch import LaunchContext
+    from launch.launch_description_sources import get_launch_description_from_python_launch_file
+
+    description = get_launch_description_from_python_launch_file(str(LAUNCH))
+    context = LaunchContext()
+    for argument in description.get_launch_arguments():
+        argument.execute(context)
+    context.launch_configurations['rviz'] = given
+    nodes = description.entities[-1].execute(context)
+    assert len(nodes) == wanted
+    assert [node.node_package for node in nodes[3:]] == ['rviz2'] * (wanted - 3)
 
 
 def test_it_starts_the_nodes_as_told_and_ends_them(prefix, tmp_path):

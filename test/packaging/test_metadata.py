@@ -23,10 +23,8 @@ ROSDEP_KEY_OF = {
     'yaml': 'python3-yaml',
 }
 REQUIREMENT_OF = {'yaml': 'PyYAML'}
-
-
-# In no apt repository of Ubuntu 24.04: an extra of the pip package, and never needed.
-PIP_ONLY = {'mujoco'}
+# In no apt repository of Ubuntu 24.04: extras of the pip package, and never needed.
+PIP_ONLY = {'mujoco': 'mujoco', 'rosbags': 'record'}
 
 
 def imported_names(folder):
@@ -66,7 +64,7 @@ def test_every_import_is_declared_to_rosdep():
     declared = {element.text for element in MANIFEST.iter('exec_depend')}
     used = {ROSDEP_KEY_OF.get(name, name)
             for folder in ('fault_tolerance', 'launch') for name in imported_names(ROOT / folder)}
-    assert used - declared - PIP_ONLY == set()
+    assert used - declared - set(PIP_ONLY) == set()
 
 
 def test_every_library_is_declared_to_pip(distribution):
@@ -76,6 +74,13 @@ def test_every_library_is_declared_to_pip(distribution):
     used = {REQUIREMENT_OF.get(name, name) for name in imported_names(ROOT / 'fault_tolerance')
             if name in ROSDEP_KEY_OF}
     assert used == required
+
+
+@pytest.mark.parametrize(('name', 'extra'), PIP_ONLY.items())
+def test_what_is_optional_is_an_extra(distribution, name, extra):
+    lines = [line for line in distribution.requires if re.match(rf'{name}\b', line)]
+    assert any(re.search(rf'extra == .{extra}\b', line) for line in lines)
+    assert all('extra ==' in line for line in lines)
 
 
 def test_ros_extra_is_pinned(distribution):

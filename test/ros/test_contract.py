@@ -4,12 +4,16 @@
 
 from __future__ import annotations
 
+from math import dist, hypot
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from node_rig import LATCHED, Probe, values_of
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Float64, Float64MultiArray, String
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
+
+from fault_tolerance.analysis.topics import RECORDED
 
 RELIABLE, SENSOR = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 SCALARS = (
@@ -42,6 +46,8 @@ PUBLISHED = {
     'fsm/mirror_velocity': ('fsm', 'geometry_msgs/msg/TwistStamped', SENSOR),
     'fsm/markers': ('fsm', 'visualization_msgs/msg/MarkerArray', RELIABLE),
     'fault_tolerance/task_velocity': ('pointing', 'geometry_msgs/msg/TwistStamped', RELIABLE),
+    'pointing/error': ('pointing', 'geometry_msgs/msg/Vector3Stamped', RELIABLE),
+    'pointing/reference': ('pointing', 'geometry_msgs/msg/Vector3Stamped', RELIABLE),
 }
 SUBSCRIBED = {
     'joint_states': ('fault_tolerance', SENSOR),
@@ -49,6 +55,7 @@ SUBSCRIBED = {
     'velocity_controller/commands': ('fsm', RELIABLE),
     'fsm/inject_fault': ('fsm', RELIABLE),
     'fsm/mirror_pose': ('pointing', SENSOR),
+    'pointing/reference': ('fsm', SENSOR),
 }
 SERVICES = {
     'fault_tolerance/clear_failures': 'std_srvs/srv/Trigger',
@@ -189,18 +196,49 @@ def test_the_state_reaches_those_who_come_late(running):
     assert late[0].data == 'nominal'
 
 
-def test_markers_show_struts_mirror_and_boresight(running):
+def test_what_is_recorded_is_what_is_published():
+    """And what the operator says, and all diagnostics."""
+    kinds = {topic: kind for topic, (_, kind, _) in PUBLISHED.items()}
+    others = {
+        'fsm/inject_fault': 'std_msgs/msg/String',
+        'operator/phase': 'std_msgs/msg/String',
+        '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+    }
+    assert RECORDED == kinds | others
+
+
+def test_markers_show_struts_mirror_boresight_and_target(running):
     markers = running.heard(MarkerArray, 'fsm/markers')
-    running.wait(lambda: markers, 'markers')
+
+    def shown():
+        return {one.ns: one for one in markers[-1].markers if one.action == Marker.ADD}
+
+    struts = [f'strut_{n}' for n in (1, 2, 3, 4)]
+    running.wait(lambda: markers and 'target' in shown(), 'markers')
     names = [marker.ns for marker in markers[-1].markers]
-    assert names == ['strut_1', 'strut_2', 'strut_3', 'strut_4', 'mirror', 'boresight']
+    assert len(names) == len(set(names))
+    assert list(shown()) == [*struts, 'mirror', 'boresight', 'target', 'scale']
     assert {marker.header.frame_id for marker in markers[-1].markers} == {'base_link'}
-    healthy = markers[-1].markers[3].color
+    assert shown()['scale'].text == 'motion x100'
+
+    # The mirror follows a circle of 1 mrad: shown 100 times as large, the boresight of three
+    # characteristic lengths of 20 mm ends on a circle of 6 mm, and at its target.
+    def away():
+        tip, target = shown()['boresight'].points[1], shown()['target'].pose.position
+        return dist((tip.x, tip.y, tip.z), (target.x, target.y, target.z))
+
+    running.wait(lambda: away() < 1e-3, 'the boresight to reach its target')
+    tip = shown()['boresight'].points[1]
+    assert hypot(tip.x, tip.y) == pytest.approx(6e-3, rel=0.2)
+
+    healthy = shown()['strut_4'].color
     running.node.create_publisher(String, 'fsm/inject_fault', LATCHED).publish(
         String(data='stuck theta_4')
     )
     running.wait_for_state('degraded')
     markers.clear()
     running.wait(lambda: markers, 'new markers')
-    assert markers[-1].markers[3].color != healthy
-    assert markers[-1].markers[2].color == healthy
+    assert shown()['strut_4'].color != healthy
+    assert shown()['strut_3'].color == healthy
+    assert shown()['strut_4/label'].text == 'theta_4 stuck'
+    assert 'strut_3/label' not in shown()

@@ -5,8 +5,12 @@
 import json
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
+
+from fault_tolerance.analysis.bags import read_samples
+from fault_tolerance.analysis.topics import RECORDED
 
 TWO_PHASES = (
     'import sys, pathlib\n'
@@ -19,6 +23,20 @@ TWO_PHASES = (
 ATTEMPTS = 2
 """Nothing here has real-time guarantees: one stall of the machine or of the middleware during
 three turns of the mirror is forgiven, a second run must do."""
+
+
+def check_recording(folder):
+    """Both passes are in it, whole, the second one under its own name."""
+    count = Counter(sample.topic for sample in read_samples(folder / 'run.mcap'))
+    for topic in RECORDED:
+        if topic != '/diagnostics':
+            assert count[f'/{topic}'], topic
+            assert count[f'/unrecovered/{topic}'], topic
+    assert count['/fsm/inject_fault'] == count['/unrecovered/fsm/inject_fault'] == 1
+    assert count['/operator/phase'] == count['/unrecovered/operator/phase'] == 4
+    # Ten seconds at 100 Hz and more; a busy machine may do with less.
+    for topic in ('joint_states', 'velocity_controller/commands', 'pointing/error'):
+        assert count[f'/{topic}'] > 300
 
 
 @pytest.mark.slow
@@ -43,6 +61,20 @@ def test_recovery_is_seen_to_work(tmp_path):
     assert stuck['peak_force']['recovered'] <= 0.1 * stuck['peak_force']['unrecovered']
     assert 0.0 < stuck['measures']['recovery_time'] < 0.1
     assert (folder / 'report.png').read_bytes().startswith(b'\x89PNG')
+    names = {path.name for path in folder.iterdir()}
+    assert names == {'summary.json', 'report.png', 'report.svg', 'report.html', 'run.mcap',
+                     'metadata.yaml'}
+    check_recording(folder)
+
+    # The recording alone gives the same report.
+    again = tmp_path / 'again'
+    done = subprocess.run(
+        [sys.executable, '-m', 'fault_tolerance', 'report', str(folder / 'run.mcap'),
+         '--output', str(again)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert 'theta_4 stuck' in done.stdout
+    for name in ('report.svg', 'report.html'):
+        assert (again / name).read_text() == (folder / name).read_text(), name
 
 
 def test_a_node_that_cannot_start_ends_the_demonstration():
