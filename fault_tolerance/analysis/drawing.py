@@ -118,7 +118,7 @@ def _legend(scene: Scene, failures: FailureSet) -> list[Any]:
     mark: dict[str, Any] = {'color': 'black', 'linestyle': 'none'}
     hinge = {'color': 'black', 'linewidth': HINGE}
     if scene.normal is not None:
-        hinge = {**mark, 'marker': 'o', 'markersize': 4}
+        hinge = {**mark, 'marker': 'o', 'markersize': 5, 'markerfacecolor': 'white'}
     cross = {**mark, 'marker': '+', 'markersize': CROSS, 'markeredgewidth': 2.2}
     sphere = {**mark, 'marker': 'o', 'markersize': SPHERE, 'markerfacecolor': 'white'}
     base = {**mark, 'marker': '^', 'markersize': 10, 'color': '0.8', 'markeredgecolor': FAINT}

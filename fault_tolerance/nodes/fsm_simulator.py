@@ -58,7 +58,9 @@ class FsmSimulator(Node):
         self._twists = self.create_publisher(
             TwistStamped, '~/mirror_velocity', qos_profile_sensor_data
         )
-        MarkerPublisher(self, self._plant, self._frame, values['marker_exaggeration'])
+        self._markers = MarkerPublisher(
+            self, self._plant, self._frame, values['marker_exaggeration']
+        )
         self._injection = FaultInjection(
             self, self._plant, self._health, values['enable_fault_injection']
         )
@@ -100,6 +102,7 @@ class FsmSimulator(Node):
         )
         self._poses.publish(pose_to_msg(stamp, self._frame, state.pose))
         self._twists.publish(twist_to_msg(stamp, self._frame, state.twist))
+        self._markers.show(stamp)
 
 
 def _settings(values: dict[str, Any]) -> PlantSettings:
