@@ -127,6 +127,21 @@ def test_faults_are_reported_as_drives_would(bench, words, reports):
     assert message.header.stamp.sec > 0
 
 
+def test_a_mirror_in_mujoco_moves_breaks_and_tells_so(start, another):
+    bench = Bench(another, start('fsm_simulator', 'another', engine='mujoco'))
+    first = bench.next_joint_state()
+    for _ in range(3):
+        bench.commands.publish(Float64MultiArray(data=[1e-3, 1e-3, 1e-3, 1e-3]))
+        bench.next_joint_state()
+    another.wait(
+        lambda: min(bench.next_joint_state().position) > max(first.position) + 1e-5, 'motion')
+    # The drives carry the mirror: a quarter of a newton.
+    assert 0.2 < sum(first.effort) < 0.3
+    bench.inject('torque theta_2')
+    bench.wait_for_reports(theta_2='torque')
+    another.wait(lambda: bench.next_joint_state().effort[1] == 0.0, 'a limp drive')
+
+
 def test_what_is_mended_is_reported_healthy(bench):
     bench.inject('stuck theta_4')
     bench.wait_for_reports(theta_4='position')

@@ -23,6 +23,7 @@ BAD = [
     ('controller', {'hold_below': 0.5}, 'hold_below'),
     ('controller', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
     ('fsm_simulator', {'rate': 100}, 'rate'),
+    ('fsm_simulator', {'engine': 'steam'}, 'engine'),
     ('fsm_simulator', {'disturbance': '[1.0, 2.0]'}, 'disturbance'),
     ('fsm_simulator', {'faults.theta_1': 'melted'}, 'faults.theta_1'),
     ('fsm_simulator', {'faults.theta_9': 'torque'}, 'faults.theta_9'),
