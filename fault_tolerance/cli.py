@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import inf, isfinite
@@ -15,8 +16,12 @@ from pathlib import Path
 from typing import NoReturn
 
 from fault_tolerance import commands
+from fault_tolerance.campaign.cases import MECHANISMS
+from fault_tolerance.campaign.runner import run_campaign
+from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.simulation.engines import ENGINES, require_engine
+from fault_tolerance.simulation.reference import Circle, Raster
 
 PAPER_MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')
 BAD_INPUT = 2
@@ -115,6 +120,32 @@ def _parser() -> argparse.ArgumentParser:
     report.add_argument('--namespace', help='of the robot, if there are several in the bag')
     report.set_defaults(run=_report)
 
+    campaign = subparsers.add_parser(
+        'campaign', help='every single and double failure in simulation, against the theory'
+    )
+    campaign.add_argument(
+        '--mechanism',
+        action='append',
+        dest='mechanisms',
+        metavar='MECHANISM',
+        help=f'a shipped one or a file, as often as you like (default: {" ".join(MECHANISMS)})',
+    )
+    campaign.add_argument('--singles', action='store_true', help='no pairs of failures')
+    campaign.add_argument(
+        '--jobs', type=_positive, metavar='N', help='trials at a time (default: all cores)'
+    )
+    campaign.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')
+    campaign.add_argument(
+        '--reference',
+        choices=('raster', 'circle'),
+        default='raster',
+        help='what the mirror follows (default: raster)',
+    )
+    campaign.add_argument(
+        '--output', default='campaign_output', metavar='FOLDER', help='for the results'
+    )
+    campaign.set_defaults(run=_campaign)
+
     inject = subparsers.add_parser('inject', help='break or mend the running simulated mirror')
     inject.add_argument(
         'words', nargs='+', metavar='WORD', help='as for the topic: stuck theta_4, ok all'
@@ -170,6 +201,12 @@ def _value(text: str) -> tuple[str, float]:
     return name, value
 
 
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a positive whole number')
+    return int(text)
+
+
 def _failure(text: str) -> tuple[str, str]:
     mode, found, name = text.partition(':')
     if not found or not mode or not name:
@@ -219,6 +256,23 @@ def _watch(chosen: argparse.Namespace) -> int:
 def _report(chosen: argparse.Namespace) -> int:
     commands.report(chosen.bag, chosen.output, chosen.namespace)
     return 0
+
+
+def _campaign(chosen: argparse.Namespace) -> int:
+    settings = TrialSettings(
+        reference=Raster(frequency=1.0) if chosen.reference == 'raster' else Circle(),
+        # A circle begins with a jump to it, which takes a while to forget.
+        warm_up=1.0 if chosen.reference == 'raster' else 3.0,
+        seed=chosen.seed,
+        clock=time.thread_time,
+    )
+    return run_campaign(
+        Path(chosen.output),
+        chosen.mechanisms or MECHANISMS,
+        doubles=not chosen.singles,
+        jobs=chosen.jobs,
+        settings=settings,
+    )
 
 
 def _inject(chosen: argparse.Namespace) -> int:

@@ -9,16 +9,18 @@ and simulation meet.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fault_tolerance.control.pointing import PointingLoop, pointing_error
+from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.recovery import State
 from fault_tolerance.control.reports import OK, Report
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.engines import plant_named
@@ -68,6 +70,9 @@ class Trace:
         Seconds since the loop was made.
     error : (k, 2) array
         Reference less true rotation about x and y, radians.
+    major_error : (k, m) array
+        The same for every major coordinate: radians, and displacements from home divided by the
+        characteristic length. Of a mirror, whose task is to point, it is `error`.
     efforts : (k, N) array
         What the actuators push with, N or N m.
     rates : (k, N) array
@@ -77,6 +82,7 @@ class Trace:
 
     time: FloatArray
     error: FloatArray
+    major_error: FloatArray
     efforts: FloatArray
     rates: FloatArray
     states: tuple[State, ...]
@@ -84,7 +90,12 @@ class Trace:
     @property
     def error_rms(self) -> float:
         """Root mean square length of the error, radians."""
-        return float(np.sqrt(np.mean(np.sum(self.error**2, axis=1))))
+        return _rms(self.error)
+
+    @property
+    def major_error_rms(self) -> float:
+        """Root mean square length of the error of the major task."""
+        return _rms(self.major_error)
 
     def peak_force(self, preload: FloatArray) -> float:
         """Return the largest effort beyond ``preload`` (N,)."""
@@ -102,12 +113,18 @@ class ClosedLoop:
     Parameters
     ----------
     mechanism : Mechanism
-        With struts, and wx, wy among its task coordinates.
+        With struts, and wx, wy among its task coordinates. What else there is in its task is
+        kept where it is at home.
     reference : Reference, optional
         A circle of 1 mrad at 1 Hz by default.
     settings : LoopSettings, optional
     plant : Plant, optional
         Of this mechanism; by default one of `LoopSettings.engine`, as the settings say.
+
+    Raises
+    ------
+    MechanismError
+        If the mechanism cannot point, or is given by numbers.
     """
 
     def __init__(
@@ -117,6 +134,10 @@ class ClosedLoop:
         settings: LoopSettings | None = None,
         plant: Plant | None = None,
     ) -> None:
+        missing = [name for name in ('wx', 'wy') if name not in mechanism.task.coordinates]
+        if missing:
+            reason = f'cannot point, {missing[0]} is not among the coordinates'
+            raise MechanismError(mechanism.name, 'task', reason)
         self.mechanism = mechanism
         self.settings = settings or LoopSettings()
         self._reference = reference or Circle()
@@ -146,10 +167,17 @@ class ClosedLoop:
         """Release the failures that are not reported any more."""
         self.supervisor.clear(self._now)
 
+    def forked(self, seed: int) -> ClosedLoop:
+        """Return a copy that goes on from here by itself, with sensor noise of the seed given."""
+        twin = copy.deepcopy(self)
+        twin.plant.reseed(seed)
+        return twin
+
     def run(self, duration: float) -> Trace:
         """Let ``duration`` seconds pass and return what happened."""
         count = max(1, round(duration / self.settings.period))
-        time, error = np.zeros(count), np.zeros((count, 2))
+        task = self.mechanism.task
+        time, error = np.zeros(count), np.zeros((count, 6))
         efforts = np.zeros((count, len(self.mechanism.actuators)))
         rates = np.zeros_like(efforts)
         states = []
@@ -162,16 +190,24 @@ class ClosedLoop:
             twist = self.settings.pointing.velocity(
                 seen.pose, self.mechanism.origin, angle, rate
             )
-            self.supervisor.task_velocity(twist[self.mechanism.task.rows], now)
+            self.supervisor.task_velocity(twist[task.rows], now)
             self.supervisor.joint_reading(seen.measured_values, now)
             output = self.supervisor.step(now)
             self.plant.command(output.rates)
-            time[k], error[k] = now, pointing_error(seen.pose, angle)
+            time[k] = now
+            error[k] = platform_error(seen.pose, self.mechanism.origin, angle)
             efforts[k], rates[k] = seen.efforts, output.rates
             states.append(output.state)
-        return Trace(time, error, efforts, rates, tuple(states))
+        scale = np.ones(6)
+        scale[3:] = 1.0 / self.mechanism.characteristic_length
+        major = (error * scale)[:, task.rows[task.major_rows]]
+        return Trace(time, error[:, :2], major, efforts, rates, tuple(states))
 
 
 def failure_words(failures: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     """Return the injection words for pairs (mode, name)."""
     return tuple(f'{mode} {name}' for mode, name in failures)
+
+
+def _rms(vectors: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))

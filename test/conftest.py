@@ -62,13 +62,43 @@ def launch_is_missing() -> bool:
     return spec is None or spec.origin is None
 
 
+# What a test of two hosts does: two namespaces, a cable between them, commands run at both ends.
+TWO_NAMESPACES = """
+set -e
+ip link set lo up
+ip link add veth0 type veth peer name veth1
+unshare --net sleep 5 & other=$!
+trap 'kill $other' EXIT
+for attempt in 1 2 3 4 5 6 7 8 9 10; do
+    [ "$(readlink /proc/$other/ns/net)" = "$(readlink /proc/self/ns/net)" ] || break
+    sleep 0.1
+done
+ip link set veth1 netns $other
+nsenter --target $other --net ip link set veth1 up
+"""
+
+
 @cache
+def new_network() -> tuple[str, ...]:
+    """Return the command that runs another one in a network of its own; empty if none may."""
+    if not all(map(shutil.which, ('unshare', 'nsenter', 'ip'))):
+        return ()
+    for start in (('unshare', '--net'), ('unshare', '--user', '--map-root-user', '--net')):
+        attempt = [*start, 'sh', '-c', TWO_NAMESPACES]
+        if subprocess.run(attempt, capture_output=True, check=False).returncode == 0:
+            return start
+    return ()
+
+
 def network_namespaces_are_refused() -> bool:
-    """Tell whether this user may not make a network namespace and raise its loopback."""
-    if not (shutil.which('unshare') and shutil.which('ip')):
-        return True
-    attempt = ['unshare', '--user', '--map-root-user', '--net', 'ip', 'link', 'set', 'lo', 'up']
-    return subprocess.run(attempt, capture_output=True, check=False).returncode != 0
+    """Tell whether this user may not make two networks and join them."""
+    return not new_network()
+
+
+@pytest.fixture
+def network():
+    """Return the command that runs another one in a network of its own."""
+    return new_network()
 
 
 # reason -> (mark, whether it holds here)

@@ -22,8 +22,9 @@ class PointingLoop:
     gain : float
         1/s, of the pointing error.
     piston_gain : float
-        1/s, with which the platform's origin is drawn back to its height at home. Piston is
-        secondary: after a failure that couples it the controller gives it up first.
+        1/s, with which everything else is drawn back to where it is at home: the platform's
+        origin, and the turn about z. Of a mirror only the piston is part of the task, and a
+        secondary one: after a failure that couples it the controller gives it up first.
     """
 
     gain: float = 5.0
@@ -45,12 +46,25 @@ class PointingLoop:
         rate : (2,) array
             What is fed forward, rad/s.
         """
-        twist = np.zeros(6)
-        twist[:2] = rate + self.gain * pointing_error(pose, angle)
-        twist[5] = self.piston_gain * (home[2] - pose[2, 3])
+        error = platform_error(pose, home, angle)
+        twist = self.piston_gain * error
+        twist[:2] = rate + self.gain * error[:2]
         return twist
 
 
 def pointing_error(pose: FloatArray, angle: FloatArray) -> FloatArray:
     """Return the reference ``angle`` (2,) less the rotation of ``pose`` about x and y, radians."""
     return np.asarray(angle - rotation_vector(pose[:3, :3])[:2])
+
+
+def platform_error(pose: FloatArray, home: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return by how much the platform is not where it should be (6,), base axes.
+
+    A rotation vector, radians: the reference ``angle`` (2,) about x and y, and zero about z, less
+    that of ``pose``. Then the platform's origin at ``home`` (3,) less that of ``pose``, metres.
+    """
+    error = np.empty(6)
+    error[:3] = -rotation_vector(pose[:3, :3])
+    error[:2] += angle
+    error[3:] = home - pose[:3, 3]
+    return error

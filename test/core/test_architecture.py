@@ -25,6 +25,7 @@ LAYERS = {
     'simulation': 3,
     'closed_loop': 4,
     'commands': 4,
+    'campaign': 5,
     'nodes': 5,
     'cli': 6,
     '__main__': 7,

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 import rclpy
-from node_rig import NodeProcess, Plant, Probe
+from node_rig import Plant, Probe, starting
 
 
 @pytest.fixture(scope='session')
@@ -16,30 +16,14 @@ def ros():
     rclpy.shutdown()
 
 
-def _starting(folder):
-    """Yield start(module, namespace='', **parameters) -> NodeProcess, and end all it started."""
-    processes = []
-
-    def started(module: str, namespace: str = '', **parameters: object) -> NodeProcess:
-        log = folder / f'{len(processes)}_{module}.log'
-        processes.append(NodeProcess(module, log, namespace, **parameters))
-        return processes[-1]
-
-    yield started
-    for process in reversed(processes):
-        process.end()
-    for process in processes:
-        print(process.output)
-
-
 @pytest.fixture
 def start(tmp_path):
-    yield from _starting(tmp_path)
+    yield from starting(tmp_path)
 
 
 @pytest.fixture(scope='module')
 def start_for_module(tmp_path_factory):
-    yield from _starting(tmp_path_factory.mktemp('nodes'))
+    yield from starting(tmp_path_factory.mktemp('nodes'))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +88,22 @@ class NodeProcess:
             except subprocess.TimeoutExpired:
                 os.killpg(self.process.pid, signal.SIGKILL)
                 self.process.wait()
+
+
+def starting(folder: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """Yield start(module, namespace='', **parameters) -> NodeProcess, and end all it started."""
+    processes: list[NodeProcess] = []
+
+    def started(module: str, namespace: str = '', **parameters: object) -> NodeProcess:
+        log = folder / f'{len(processes)}_{module}.log'
+        processes.append(NodeProcess(module, log, namespace, **parameters))
+        return processes[-1]
+
+    yield started
+    for process in reversed(processes):
+        process.end()
+    for process in processes:
+        print(process.output)
 
 
 class Probe:

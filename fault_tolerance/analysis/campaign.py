@@ -1,0 +1,192 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a campaign found: each trial judged, in rows, in figures for JSON and as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+LARGEST_RATIO = 1.2
+"""Times the healthy error that a tolerable failure may cost the major task."""
+
+COLUMNS = (
+    'mechanism',
+    'failures',
+    'tolerable',
+    'final_state',
+    'error_rms',
+    'healthy_error_rms',
+    'peak_force',
+    'recovery_time_us',
+    'seed',
+)
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """What came of one trial.
+
+    Attributes
+    ----------
+    mechanism : str
+    failures : str
+        ``mode:name;mode:name``.
+    tolerable : bool
+        The theory's verdict at home.
+    still_tolerable : bool
+        The verdict at the configuration where the trial ended.
+    states : tuple of str
+        The states of the controller since the failure, each once, in their order.
+    final_state : str
+        The last one.
+    largest_rate : float
+        The largest rate commanded since the failure, rad/s or m/s.
+    error_rms, healthy_error_rms : float
+        Of the major task, after the failure and before: radians, and displacements divided by
+        the characteristic length.
+    peak_force : float
+        The largest effort of an actuator since the failure beyond its mean before, newtons
+        (moments divided by the characteristic length).
+    recovery_time_us : float
+        From the report to the end of the step that followed it, microseconds of computing.
+    seed : int
+    """
+
+    mechanism: str
+    failures: str
+    tolerable: bool
+    still_tolerable: bool
+    states: tuple[str, ...]
+    final_state: str
+    largest_rate: float
+    error_rms: float
+    healthy_error_rms: float
+    peak_force: float
+    recovery_time_us: float
+    seed: int
+
+    @property
+    def error_ratio(self) -> float:
+        """The error over the healthy one."""
+        return self.error_rms / self.healthy_error_rms
+
+    @property
+    def mistakes(self) -> tuple[str, ...]:
+        """What should not have been; empty if all went as the theory says."""
+        found = []
+        if self.still_tolerable != self.tolerable:
+            here, home = _verdict(self.still_tolerable), _verdict(self.tolerable)
+            found.append(f'{here} where it was in the end, {home} at home')
+        wanted = 'degraded' if self.tolerable else 'stopped'
+        if self.states != (wanted,):
+            found.append(f'went {", ".join(self.states)}; {_verdict(self.tolerable)} is {wanted}')
+        if not self.tolerable and self.largest_rate > 0.0:
+            found.append(f'a rate of {self.largest_rate:.3g} was commanded after the failure')
+        # Written so that not a number is a mistake too.
+        if self.tolerable and not self.error_ratio <= LARGEST_RATIO:
+            found.append(f'error {self.error_ratio:.3g} times the healthy {self._healthy_text}')
+        return tuple(found)
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The record as one row of `COLUMNS`."""
+        values = (getattr(self, name) for name in COLUMNS)
+        return tuple(str(one).lower() if isinstance(one, bool) else str(one) for one in values)
+
+    @property
+    def _healthy_text(self) -> str:
+        return f'{1e6 * self.healthy_error_rms:.2f} microradians'
+
+
+def campaign_rows(records: Iterable[TrialRecord]) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of results.csv: the heading, then one for each trial."""
+    yield COLUMNS
+    for record in records:
+        yield record.row
+
+
+def campaign_summary(records: Sequence[TrialRecord], seed: int) -> dict[str, Any]:
+    """Return what a campaign found, as plain data for JSON.
+
+    Parameters
+    ----------
+    records : sequence of TrialRecord
+    seed : int
+        Of the campaign.
+    """
+    names = dict.fromkeys(record.mechanism for record in records)
+    return {
+        'seed': seed,
+        'largest_error_ratio_allowed': LARGEST_RATIO,
+        'trials': len(records),
+        'mechanisms': {
+            name: _figures([record for record in records if record.mechanism == name])
+            for name in names
+        },
+        'mistakes': [
+            {
+                'mechanism': record.mechanism,
+                'failures': record.failures,
+                'seed': record.seed,
+                'mistakes': list(record.mistakes),
+            }
+            for record in records
+            if record.mistakes
+        ],
+    }
+
+
+def campaign_table(summary: dict[str, Any]) -> Table:
+    """Return `campaign_summary` for people to read."""
+    table = Table(
+        title='Largest error (times the healthy one) and force of tolerable failures, median '
+        'time of recovery',
+    )
+    table.add_column('mechanism', no_wrap=True)
+    for heading in ('borne', 'stopped', 'error', 'N', 'us', 'wrong'):
+        table.add_column(heading, justify='right')
+    table.add_column('largest error after', overflow='fold')
+    for name, figures in summary['mechanisms'].items():
+        table.add_row(
+            name,
+            str(figures['tolerable']),
+            str(figures['intolerable']),
+            _shown(figures['largest_error_ratio'], '.3f'),
+            _shown(figures['largest_force_tolerable'], '.2f'),
+            _shown(figures['median_recovery_time_us'], '.0f'),
+            str(figures['mistakes']),
+            figures['largest_error_after'] or '',
+        )
+    return table
+
+
+def _figures(records: Sequence[TrialRecord]) -> dict[str, Any]:
+    tolerable = [record for record in records if record.tolerable]
+    worst = max(tolerable, key=lambda record: record.error_ratio, default=None)
+    times = [record.recovery_time_us for record in records]
+    return {
+        'tolerable': len(tolerable),
+        'intolerable': len(records) - len(tolerable),
+        'mistakes': sum(bool(record.mistakes) for record in records),
+        'healthy_error_rms': records[0].healthy_error_rms,
+        'largest_error_ratio': worst.error_ratio if worst else None,
+        'largest_error_after': worst.failures if worst else None,
+        'largest_force_tolerable': max((record.peak_force for record in tolerable), default=None),
+        'largest_force': max(record.peak_force for record in records),
+        'median_recovery_time_us': float(np.median(times)),
+        'largest_recovery_time_us': max(times),
+    }
+
+
+def _verdict(tolerable: bool) -> str:
+    return 'tolerable' if tolerable else 'intolerable'
+
+
+def _shown(value: float | None, form: str) -> str:
+    return '' if value is None else format(value, form)

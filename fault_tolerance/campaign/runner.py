@@ -1,0 +1,170 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A whole campaign: every trial on as many cores as there are, and what it writes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from fault_tolerance.analysis.campaign import (
+    TrialRecord,
+    campaign_rows,
+    campaign_summary,
+    campaign_table,
+)
+from fault_tolerance.campaign.cases import MECHANISMS, double_failures, single_failures
+from fault_tolerance.campaign.trial import Bench, TrialSettings
+from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.mechanism.catalogue import mechanism_named
+
+SHOWN_MISTAKES = 20
+
+
+@dataclass(frozen=True)
+class Task:
+    """One trial to be done."""
+
+    mechanism: str
+    failures: FailureSet
+    settings: TrialSettings
+    seed: int
+
+
+def tasks(
+    mechanisms: Sequence[str], settings: TrialSettings, *, doubles: bool = True
+) -> list[Task]:
+    """Return the trials of a campaign, mechanism by mechanism.
+
+    Parameters
+    ----------
+    mechanisms : sequence of str
+        Shipped names, or files.
+    settings : TrialSettings
+        Its seed, plus the number of the trial among those of its mechanism, is the trial's.
+    doubles : bool
+        Whether pairs of failures come after the single ones.
+    """
+    found = []
+    for name in mechanisms:
+        mechanism = mechanism_named(name)
+        cases = single_failures(mechanism)
+        cases += double_failures(mechanism) if doubles else ()
+        seeds = range(settings.seed, settings.seed + len(cases))
+        found += [
+            Task(name, case, settings, seed) for case, seed in zip(cases, seeds, strict=True)
+        ]
+    return found
+
+
+def records(todo: Sequence[Task], jobs: int, done: Callable[[], None]) -> list[TrialRecord]:
+    """Return what came of the trials, in their order; ``done`` is called after each."""
+    found = []
+    with _mapping(jobs) as each:
+        for record in each(todo):
+            found.append(record)
+            done()
+    return found
+
+
+def run_campaign(
+    folder: Path,
+    mechanisms: Sequence[str] = MECHANISMS,
+    *,
+    doubles: bool = True,
+    jobs: int | None = None,
+    settings: TrialSettings | None = None,
+) -> int:
+    """Run a campaign, write its results to ``folder`` and return the exit code.
+
+    Parameters
+    ----------
+    folder : Path
+    mechanisms : sequence of str
+    doubles : bool
+        Whether pairs of failures are tried.
+    jobs : int, optional
+        How many trials at a time; all cores by default.
+    settings : TrialSettings, optional
+
+    Returns
+    -------
+    int
+        0 if all went as the theory says, else 1.
+    """
+    settings = settings or TrialSettings(clock=time.thread_time)
+    console = Console(markup=False, emoji=False, highlight=False)
+    todo = tasks(tuple(dict.fromkeys(mechanisms)), settings, doubles=doubles)
+    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as bar:
+        shown = bar.add_task('trials', total=len(todo))
+        found = records(todo, jobs or _cores(), lambda: bar.advance(shown))
+    summary = campaign_summary(found, settings.seed)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / 'results.csv').open('w', newline='', encoding='utf-8') as file:
+            csv.writer(file, lineterminator='\n').writerows(campaign_rows(found))
+        text = json.dumps(summary, indent=2, allow_nan=False) + '\n'
+        (folder / 'summary.json').write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
+    console.print(campaign_table(summary))
+    mistakes = summary['mistakes']
+    for one in mistakes[:SHOWN_MISTAKES]:
+        console.print(f'{one["mechanism"]} {one["failures"]}: {"; ".join(one["mistakes"])}')
+    if len(mistakes) > SHOWN_MISTAKES:
+        console.print(f'... and {len(mistakes) - SHOWN_MISTAKES} more')
+    console.print(f'{len(found)} trials, {len(mistakes)} not as they should be; see {folder}/')
+    return 1 if mistakes else 0
+
+
+def _record(task: Task) -> TrialRecord:
+    return _bench(task.mechanism, task.settings).trial(task.failures, task.seed)
+
+
+@cache
+def _bench(mechanism: str, settings: TrialSettings) -> Bench:
+    """Return the healthy run, made once in each process."""
+    return Bench(mechanism_named(mechanism), settings)
+
+
+@contextmanager
+def _mapping(jobs: int) -> Iterator[Callable[[Sequence[Task]], Iterator[TrialRecord]]]:
+    """Give a map of tasks to records, in this process or in ``jobs`` others."""
+    if jobs == 1:
+        yield lambda todo: map(_record, todo)
+        return
+    # The matrices are small: every process has enough of one thread.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
+        try:
+            yield lambda todo: pool.map(_record, todo)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def _cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else 1

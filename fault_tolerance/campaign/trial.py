@@ -1,0 +1,133 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One trial of a campaign: a healthy mechanism at work, then a failure, then what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.analysis.campaign import TrialRecord
+from fault_tolerance.campaign.cases import is_tolerable
+from fault_tolerance.closed_loop import ClosedLoop, LoopSettings, Trace, failure_words
+from fault_tolerance.control.recovery import State
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.simulation.reference import Raster, Reference
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """How a trial goes.
+
+    Attributes
+    ----------
+    reference : Reference
+        What is followed, with a period of 1 s. By default a raster, the work of a scanning
+        mirror: no feedforward foresees its turns, so that the healthy error is that of a task
+        (some microradians) and not the elastic deflection alone, as on a circle.
+    warm_up, healthy : float
+        Seconds from rest until errors count, and over which they count.
+    settling, watched : float
+        Seconds after a tolerable failure until errors count again, and over which they count.
+        The error at the failure itself, about the way of one period, dies away in between.
+    stopped : float
+        Seconds for which a stop is watched.
+    recovery : bool
+        False: without recovery, to see that the campaign notices.
+    seed : int
+        Of the healthy run.
+    clock : callable, optional
+        Returns seconds; measures what a recovery takes. 0 is given without it. Best a clock of
+        the thread's own work: others share the machine's cores while a campaign runs.
+    """
+
+    reference: Reference = Raster(frequency=1.0)
+    warm_up: float = 1.0
+    healthy: float = 1.0
+    settling: float = 1.0
+    watched: float = 1.0
+    stopped: float = 0.2
+    recovery: bool = True
+    seed: int = 1
+    clock: Callable[[], float] | None = None
+
+
+class Bench:
+    """A healthy mechanism at work, of which every trial gets a copy to break.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With struts, and wx, wy in its task.
+    settings : TrialSettings, optional
+    """
+
+    def __init__(self, mechanism: Mechanism, settings: TrialSettings | None = None) -> None:
+        self.settings = settings or TrialSettings()
+        control = Settings(recovery=self.settings.recovery, clock=self.settings.clock)
+        loop = LoopSettings(control=control, seed=self.settings.seed)
+        self._loop = ClosedLoop(mechanism, self.settings.reference, loop)
+        self._loop.run(self.settings.warm_up)
+        self._healthy = self._loop.run(self.settings.healthy)
+
+    @property
+    def healthy(self) -> Trace:
+        """What the healthy mechanism did."""
+        return self._healthy
+
+    def trial(self, failures: FailureSet, seed: int) -> TrialRecord:
+        """Return what comes of ``failures``, all in one period.
+
+        Parameters
+        ----------
+        failures : FailureSet
+        seed : int
+            Decides when in the reference they happen, and on the noise from then on.
+        """
+        settings, loop = self.settings, self._loop.forked(seed)
+        mechanism = loop.mechanism
+        loop.run(float(np.random.default_rng(seed).uniform(0.0, 1.0)))
+        pairs = [(failure.mode.value, failure.name) for failure in failures.failures]
+        for words in failure_words(pairs):
+            loop.inject(words)
+        first = loop.run(loop.settings.period)
+        tolerable = is_tolerable(mechanism, failures)
+        if first.states[0] is State.STOPPED:
+            after = watched = loop.run(settings.stopped)
+        else:
+            after = loop.run(settings.settling)
+            watched = loop.run(settings.watched)
+        states = [*first.states, *after.states, *watched.states]
+        moved = max(float(np.abs(one.rates).max()) for one in (first, after, watched))
+        post = loop.supervisor.output.post
+        return TrialRecord(
+            mechanism=mechanism.name,
+            failures=';'.join(map(str, failures.failures)),
+            tolerable=tolerable,
+            still_tolerable=post.verdict.tolerable if post else not tolerable,
+            states=tuple(dict.fromkeys(state.value for state in states)),
+            final_state=states[-1].value,
+            largest_rate=moved,
+            error_rms=watched.major_error_rms,
+            healthy_error_rms=self._healthy.major_error_rms,
+            peak_force=max(self._peak_force(one) for one in (first, after, watched)),
+            recovery_time_us=1e6 * loop.supervisor.output.recovery_time,
+            seed=seed,
+        )
+
+    def _peak_force(self, trace: Trace) -> float:
+        """Return the largest effort beyond the mean healthy one, N; moments are divided by Lc."""
+        excess = np.abs(trace.efforts - self._healthy.mean_efforts)
+        return float((excess / _levers(self._loop.mechanism)).max())
+
+
+def _levers(mechanism: Mechanism) -> FloatArray:
+    """Return what turns the efforts of the actuators (N,) into forces when it divides them."""
+    turning = [actuator.kind == 'revolute' for actuator in mechanism.actuators]
+    return np.where(turning, mechanism.characteristic_length, 1.0)
