@@ -39,8 +39,6 @@ class TrialRecord:
         ``mode:name;mode:name``.
     tolerable : bool
         The theory's verdict at home.
-    still_tolerable : bool
-        The verdict at the configuration where the trial ended.
     states : tuple of str
         The states of the controller since the failure, each once, in their order.
     final_state : str
@@ -61,7 +59,6 @@ class TrialRecord:
     mechanism: str
     failures: str
     tolerable: bool
-    still_tolerable: bool
     states: tuple[str, ...]
     final_state: str
     largest_rate: float
@@ -80,12 +77,10 @@ class TrialRecord:
     def mistakes(self) -> tuple[str, ...]:
         """What should not have been; empty if all went as the theory says."""
         found = []
-        if self.still_tolerable != self.tolerable:
-            here, home = _verdict(self.still_tolerable), _verdict(self.tolerable)
-            found.append(f'{here} where it was in the end, {home} at home')
         wanted = 'degraded' if self.tolerable else 'stopped'
         if self.states != (wanted,):
-            found.append(f'went {", ".join(self.states)}; {_verdict(self.tolerable)} is {wanted}')
+            verdict = 'tolerable' if self.tolerable else 'intolerable'
+            found.append(f'{verdict}, but {", then ".join(self.states)} and not {wanted}')
         if not self.tolerable and self.largest_rate > 0.0:
             found.append(f'a rate of {self.largest_rate:.3g} was commanded after the failure')
         # Written so that not a number is a mistake too.
@@ -182,10 +177,6 @@ def _figures(records: Sequence[TrialRecord]) -> dict[str, Any]:
         'median_recovery_time_us': float(np.median(times)),
         'largest_recovery_time_us': max(times),
     }
-
-
-def _verdict(tolerable: bool) -> str:
-    return 'tolerable' if tolerable else 'intolerable'
 
 
 def _shown(value: float | None, form: str) -> str:

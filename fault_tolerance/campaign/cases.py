@@ -8,6 +8,7 @@ from __future__ import annotations
 from itertools import combinations
 
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
+from fault_tolerance.kinematics.measures import present_measures
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.description import Mechanism
@@ -38,5 +39,7 @@ def double_failures(mechanism: Mechanism) -> tuple[FailureSet, ...]:
 
 
 def is_tolerable(mechanism: Mechanism, failures: FailureSet) -> bool:
-    """Return the theory's verdict at home (docs/theory.md, section 4)."""
-    return reconfigured(home_rows(mechanism), failures).verdict.tolerable
+    """Return the theory's verdict at home: tolerable (docs/theory.md, section 4), no measure 0."""
+    post = reconfigured(home_rows(mechanism), failures)
+    found = present_measures(post)
+    return post.verdict.tolerable and min(found.position, found.torque, found.hard) > 0.0

@@ -105,12 +105,10 @@ class Bench:
             watched = loop.run(settings.watched)
         states = [*first.states, *after.states, *watched.states]
         moved = max(float(np.abs(one.rates).max()) for one in (first, after, watched))
-        post = loop.supervisor.output.post
         return TrialRecord(
             mechanism=mechanism.name,
             failures=';'.join(map(str, failures.failures)),
             tolerable=tolerable,
-            still_tolerable=post.verdict.tolerable if post else not tolerable,
             states=tuple(dict.fromkeys(state.value for state in states)),
             final_state=states[-1].value,
             largest_rate=moved,

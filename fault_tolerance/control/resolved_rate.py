@@ -11,8 +11,8 @@ space of the major part allows:
 
 Singular values are taken with rotations times the characteristic length, of the platform and of
 rotary drives alike. So they are transmissions: metres per second of the platform per metre per
-second of the drives. Directions with a very small one are left out, never inverted: the rates
-stay bounded, and the residual shows what is missing.
+second of the drives. Major directions with a very small one are left out, never inverted, and
+secondary ones well before: the rates stay bounded, and the residual shows what is missing.
 """
 
 from __future__ import annotations
@@ -31,6 +31,11 @@ from fault_tolerance.mechanism.task import COORDINATES
 
 SINGULAR_BELOW = 5e-4
 """Directions with a smaller transmission are not driven: nothing so small is ever inverted."""
+
+POOR_BELOW = 0.05
+"""Secondary directions with a smaller transmission, relative to the best major one, are left
+alone; up to twice that they fade in. To reach for them would take drive speeds, and motions of
+the platform outside its task, out of proportion, which disturb the major task."""
 
 LARGEST_SPEED = 1e100
 """Task velocities with a larger component are brought down to it, all components by one factor."""
@@ -166,6 +171,7 @@ def task_inverse(
     twist_scale: FloatArray | None = None,
     rate_scale: FloatArray | None = None,
     singular_below: float = SINGULAR_BELOW,
+    poor_below: float = POOR_BELOW,
 ) -> TaskInverse:
     """Return what resolves task velocities (docs/theory.md, eq. 22).
 
@@ -179,6 +185,8 @@ def task_inverse(
         Turns actuator rates into metres per second; ones by default.
     singular_below : float
         See `SINGULAR_BELOW`.
+    poor_below : float
+        See `POOR_BELOW`.
     """
     task = kinematics.task
     rows, others = task.major_rows, task.secondary_rows
@@ -204,7 +212,8 @@ def task_inverse(
     if others.size and free.shape[1]:
         missing = -secondary_rows.dot(major)
         missing[np.arange(len(others)), others] += 1.0
-        inverse = _bounded_inverse(secondary_rows.dot(free), singular_below)
+        least = max([singular_below, *(poor_below * value for value in values[:1])])
+        inverse = _bounded_inverse(secondary_rows.dot(free), least)
         secondary = free.dot(inverse.dot(missing))
     if unit is None:
         major, secondary = coordinates @ major, coordinates @ secondary
@@ -227,16 +236,21 @@ def _common(rate_scale: FloatArray | None) -> float | None:
     return values.pop() if len(values) == 1 else None
 
 
-def _bounded_inverse(matrix: FloatArray, singular_below: float) -> FloatArray:
-    """Return the pseudo-inverse (c, r) of ``matrix`` (r, c) without its small directions."""
+def _bounded_inverse(matrix: FloatArray, least: float) -> FloatArray:
+    """Return the pseudo-inverse (c, r) of ``matrix`` (r, c) without its small directions.
+
+    Those with gains up to ``least`` count for nothing, those from twice that on in full: between
+    the two nothing jumps.
+    """
     if len(matrix) == 1:
         size = length(matrix)
-        if size <= singular_below:
+        if size <= least:
             return np.zeros_like(matrix.T)
-        return np.asarray(matrix.T / size / size)
+        return np.asarray(matrix.T / size * (min(size / least - 1.0, 1.0) / size))
     left, gains, mixed = decomposed(matrix)
-    kept = int((gains > singular_below).sum())
-    return np.asarray((mixed[:kept].T / gains[:kept]).dot(left[:, :kept].T))
+    kept = int((gains > least).sum())
+    inverse = np.minimum(gains[:kept] / least - 1.0, 1.0) / gains[:kept]
+    return np.asarray((mixed[:kept].T * inverse).dot(left[:, :kept].T))
 
 
 def resolved_rate(
@@ -246,6 +260,7 @@ def resolved_rate(
     twist_scale: FloatArray | None = None,
     rate_scale: FloatArray | None = None,
     singular_below: float = SINGULAR_BELOW,
+    poor_below: float = POOR_BELOW,
 ) -> ResolvedRate:
     """Return the actuator rates for one task velocity (l,): see `task_inverse`.
 
@@ -255,7 +270,11 @@ def resolved_rate(
         If the velocity has the wrong length or is not finite.
     """
     inverse = task_inverse(
-        kinematics, twist_scale=twist_scale, rate_scale=rate_scale, singular_below=singular_below
+        kinematics,
+        twist_scale=twist_scale,
+        rate_scale=rate_scale,
+        singular_below=singular_below,
+        poor_below=poor_below,
     )
     return inverse.resolved(velocity)
 

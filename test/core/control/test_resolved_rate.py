@@ -11,7 +11,7 @@ from core.mechanisms import DOCUMENTS, by_numbers, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.resolved_rate import SINGULAR_BELOW, resolved_rate
+from fault_tolerance.control.resolved_rate import POOR_BELOW, SINGULAR_BELOW, resolved_rate
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import failure_set
@@ -108,13 +108,23 @@ def test_a_velocity_that_cannot_be_meant_is_refused(bad):
         resolved_rate(kinematics(FSM), np.array(bad))
 
 
-def near_singular(smallest: float):
+def near_singular(smallest: float, secondary: float = 1.0):
     """Return kinematics whose second major direction has the transmission ``smallest``."""
     whole = kinematics(made(by_numbers()))
-    squeeze = np.diag([1.0, smallest, 1.0])
+    squeeze = np.diag([1.0, smallest, secondary])
     return replace(
         whole, jacobian=squeeze @ whole.jacobian, twist_jacobian=squeeze @ whole.twist_jacobian
     )
+
+
+@pytest.mark.parametrize('transmission', [10.0, 1.001, 0.999, 0.5, 0.1, 1e-3, 0.0])
+def test_a_poor_secondary_direction_fades_out_and_the_major_task_stays(transmission):
+    gain = transmission * POOR_BELOW
+    found = resolved_rate(near_singular(1.0, 2.0 * gain), np.array([0.01, 0.02, 0.03]))
+
+    share = min(1.0, transmission) ** 2
+    np.testing.assert_allclose(found.residual, [0.0, 0.0, 0.03 * (1.0 - share)], atol=1e-15)
+    assert np.linalg.norm(found.secondary) <= 1.0001 * 0.03 / POOR_BELOW
 
 
 def test_a_tiny_singular_value_is_never_inverted():
@@ -178,6 +188,7 @@ def test_priorities_hold_for_every_tolerated_single_failure(name):
             asked,
             twist_scale=rows.twist_scale[rows.task_rows],
             rate_scale=rows.rate_scale,
+            poor_below=1e-3,  # or what is asked of poor directions is not had in full
         )
         present = post.present
         # The major task is met, whatever the secondary part asks for.
