@@ -2,7 +2,7 @@
 # is sourced that one is used, elsewhere rclpy and its middleware come as wheels.
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo bench test test-pins lint colcon clean
+.PHONY: help venv demo bench campaign fuzz soak test test-pins lint colcon clean
 
 PYTHON ?= python3
 PACKAGE := fault_tolerance
@@ -74,6 +74,16 @@ $(VENV)/.peers: $(STAMP)
 	  $(RUN) -m pip install -q --disable-pip-version-check "$$peer" 2>/dev/null || \
 	  echo "make: $$peer does not install here: left out"; done
 	@touch $@
+
+campaign: venv  ## Try every single and double failure against the theory (ARGS=...)
+	@$(RUN) -m $(PACKAGE) campaign $(ARGS)
+
+fuzz: venv  ## Send the nodes nonsense (SECONDS=600, SEED=1, ARGS=...)
+	FUZZ_SECONDS=$(or $(SECONDS),600) FUZZ_SEED=$(or $(SEED),1) \
+	  $(RUN) -m pytest test/system/test_fuzz.py -s $(ARGS)
+
+soak: venv  ## A failure and a clearing every second (SECONDS=1800, ARGS=...)
+	SOAK_SECONDS=$(or $(SECONDS),1800) $(RUN) -m pytest test/system/test_soak.py -s $(ARGS)
 
 test: venv  ## Run every test, the ROS ones also with message fields checked
 	ROS_PYTHON_CHECK_FIELDS=1 $(RUN) -m pytest test/ros $(ARGS)

@@ -40,7 +40,7 @@ def interpreter(folder, name, body):
 def test_bare_make_lists_the_targets():
     answer = make()
     assert answer.returncode == 0
-    for target in ('demo', 'test', 'test-pins', 'lint', 'colcon', 'clean'):
+    for target in ('demo', 'campaign', 'fuzz', 'soak', 'test', 'test-pins', 'lint', 'colcon', 'clean'):
         assert f'make {target} ' in answer.stdout
 
 
@@ -82,3 +82,12 @@ def test_ros_that_cannot_be_imported_is_not_used(empty):
 def test_demo_passes_engine_and_arguments_on():
     answer = make('-n', 'demo', 'ENGINE=elastic', 'ARGS=--quick')
     assert '-m fault_tolerance demo --engine elastic --quick' in answer.stdout
+
+
+def test_long_runs_may_be_shortened():
+    fuzz = make('-n', 'fuzz', 'SECONDS=5', 'SEED=7').stdout
+    assert 'FUZZ_SECONDS=5 FUZZ_SEED=7' in fuzz
+    assert 'test/system/test_fuzz.py' in fuzz
+    assert 'SOAK_SECONDS=1800 ' in make('-n', 'soak').stdout
+    assert 'SOAK_SECONDS=20 ' in make('-n', 'soak', 'SECONDS=20').stdout
+    assert '-m fault_tolerance campaign --singles' in make('-n', 'campaign', 'ARGS=--singles').stdout
