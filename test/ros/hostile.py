@@ -21,9 +21,9 @@ ODD_NUMBERS = (
     -0.0, 0.0, 1e6, -1e6, 1e-12,
 )
 ODD_TEXTS = (
-    '', ' ', '\n', '\r\n', '\t', 'a\nb\nc', '\x1b[31m', '%s%n', '{}', '/', '//', '../../etc/passwd',
-    '!!python/object/apply:os.system [id]', 'nan', 'θ_1', '\u202e', '😀' * 10, "'; --", '[bold]',
-    'a' * 300, 'NULL', '-1',
+    '', ' ', '\n', '\r\n', '\t', 'a\nb\nc', '\x1b[31m', '%s%n', '{}', '/', '//',
+    '../../etc/passwd', '!!python/object/apply:os.system [id]', 'nan', 'θ_1', '\u202e', '😀' * 10,
+    "'; --", '[bold]', 'a' * 300, 'NULL', '-1',
 )
 MODES = (
     'position', 'torque', 'hard', 'none', 'stuck', 'free', 'lost', 'ok', 'melted', 'POSITION',

@@ -155,6 +155,17 @@ class Bench:
 
         self.probe.wait(nominal, 'nominal again', LONG_PATIENCE)
 
+    def moving(self, values: list[float]) -> np.ndarray:
+        """Return a command (N,) at the joint values given that is not all zeros."""
+        found: list[float] = []
+
+        def moves() -> bool:
+            found[:] = self.plant.step(self.plant.joint_state(values))
+            return any(found)
+
+        self.probe.wait(moves, 'a command that moves', LONG_PATIENCE)
+        return np.array(found)
+
     def _checked(self, topic: str, wanted: int):
         def check(message) -> None:
             self.heard += 1
@@ -215,13 +226,7 @@ def test_nonsense_on_every_input(bench, probe):
         bench.plant.report(mode, name)
         bench.until(lambda: probe.state == 'degraded', f'{mode} {name} to be known')
         bench.plant.asked = (hostile.valid(0.01), hostile.valid(0.01))
-        found = np.zeros(len(values))
-
-        def follows() -> bool:
-            found[:] = bench.plant.step(bench.plant.joint_state(values))
-            return bool(found.any())
-
-        probe.wait(follows, 'a command that moves')
+        found = bench.moving(values)
         inside = space @ np.linalg.lstsq(space, found, rcond=None)[0]
         np.testing.assert_allclose(found, inside, atol=1e-9 * np.abs(found).max())
         if mode == 'position':

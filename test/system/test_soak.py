@@ -159,7 +159,8 @@ def test_a_failure_and_a_clearing_every_second(probe, start):
     print(
         f'{len(errors)} failures in {passed:.0f} s; memory {megabytes[WARM_UP - 1]:.1f} MB and '
         f'{growth:+.2f} MB; pointing error {1e6 * early:.1f} then {1e6 * late:.1f} urad rms; '
-        f'{soak.commands / passed:.0f} commands/s for {soak.readings / passed:.0f} joint states/s, longest gap {soak.longest_gap:.2f} s'
+        f'{soak.commands / passed:.0f} commands/s for {soak.readings / passed:.0f} joint '
+        f'states/s, longest gap {soak.longest_gap:.2f} s'
     )
     assert growth < LARGEST_GROWTH, megabytes
     assert not soak.wrong
