@@ -37,6 +37,7 @@ setup(
         (str(SHARE), ['package.xml']),
         *shared_files('config'),
         *shared_files('launch'),
+        *shared_files('security'),
     ],
     python_requires='>=3.10',
     install_requires=[

@@ -14,6 +14,7 @@ from types import FrameType
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -28,6 +29,7 @@ _PATIENCE = 0.1
 _SET_UP_ERRORS = (
     FaultToleranceError,
     ParameterException,
+    rclpy_implementation.RCLError,
     ValueError,
     OSError,
 )

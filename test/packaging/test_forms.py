@@ -22,6 +22,7 @@ print(json.dumps({
     'code': fault_tolerance.__file__,
     'share': str(share_directory()),
     'config': sorted(file.name for file in (share_directory() / 'config').iterdir()),
+    'security': sorted(file.name for file in (share_directory() / 'security').iterdir()),
     'launch': sorted(file.name for file in (share_directory() / 'launch').glob('*.launch.py')),
     'mechanisms': {name: len(mechanism_named(name).actuators) for name in shipped_names()},
 }))
@@ -65,6 +66,7 @@ def test_pip_installation(installed, tmp_path, environment):
     checkout = where(sys.executable, ROOT, environment)
     assert found['config'] == checkout['config']
     assert found['launch'] == checkout['launch']
+    assert found['security'] == checkout['security'] == ['policy.xml', 'test_bench.xml']
     assert found['mechanisms'] == checkout['mechanisms']
 
 
