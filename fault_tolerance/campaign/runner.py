@@ -35,6 +35,7 @@ from fault_tolerance.analysis.campaign import (
 )
 from fault_tolerance.campaign.cases import MECHANISMS, double_failures, single_failures
 from fault_tolerance.campaign.trial import Bench, TrialSettings
+from fault_tolerance.closed_loop import ClosedLoop
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -65,10 +66,16 @@ def tasks(
         Its seed, plus the number of the trial among those of its mechanism, is the trial's.
     doubles : bool
         Whether pairs of failures come after the single ones.
+
+    Raises
+    ------
+    FaultToleranceError
+        If a mechanism cannot be had, or cannot point.
     """
     found = []
     for name in mechanisms:
         mechanism = mechanism_named(name)
+        ClosedLoop(mechanism)  # complains here, not in another process
         cases = single_failures(mechanism)
         cases += double_failures(mechanism) if doubles else ()
         seeds = range(settings.seed, settings.seed + len(cases))

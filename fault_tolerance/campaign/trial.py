@@ -69,17 +69,13 @@ class Bench:
     """
 
     def __init__(self, mechanism: Mechanism, settings: TrialSettings | None = None) -> None:
+        self.mechanism = mechanism
         self.settings = settings or TrialSettings()
         control = Settings(recovery=self.settings.recovery, clock=self.settings.clock)
         loop = LoopSettings(control=control, seed=self.settings.seed)
         self._loop = ClosedLoop(mechanism, self.settings.reference, loop)
         self._loop.run(self.settings.warm_up)
         self._healthy = self._loop.run(self.settings.healthy)
-
-    @property
-    def healthy(self) -> Trace:
-        """What the healthy mechanism did."""
-        return self._healthy
 
     def trial(self, failures: FailureSet, seed: int) -> TrialRecord:
         """Return what comes of ``failures``, all in one period.
@@ -91,13 +87,12 @@ class Bench:
             Decides when in the reference they happen, and on the noise from then on.
         """
         settings, loop = self.settings, self._loop.forked(seed)
-        mechanism = loop.mechanism
         loop.run(float(np.random.default_rng(seed).uniform(0.0, 1.0)))
         pairs = [(failure.mode.value, failure.name) for failure in failures.failures]
         for words in failure_words(pairs):
             loop.inject(words)
         first = loop.run(loop.settings.period)
-        tolerable = is_tolerable(mechanism, failures)
+        tolerable = is_tolerable(self.mechanism, failures)
         if first.states[0] is State.STOPPED:
             after = watched = loop.run(settings.stopped)
         else:
@@ -106,7 +101,7 @@ class Bench:
         states = [*first.states, *after.states, *watched.states]
         moved = max(float(np.abs(one.rates).max()) for one in (first, after, watched))
         return TrialRecord(
-            mechanism=mechanism.name,
+            mechanism=self.mechanism.name,
             failures=';'.join(map(str, failures.failures)),
             tolerable=tolerable,
             states=tuple(dict.fromkeys(state.value for state in states)),
@@ -122,7 +117,7 @@ class Bench:
     def _peak_force(self, trace: Trace) -> float:
         """Return the largest effort beyond the mean healthy one, N; moments are divided by Lc."""
         excess = np.abs(trace.efforts - self._healthy.mean_efforts)
-        return float((excess / _levers(self._loop.mechanism)).max())
+        return float((excess / _levers(self.mechanism)).max())
 
 
 def _levers(mechanism: Mechanism) -> FloatArray:

@@ -1,0 +1,125 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Failures in closed loop, against the theory; the whole of it is `make campaign`."""
+
+import csv
+import json
+import os
+from dataclasses import replace
+
+import pytest
+
+from fault_tolerance.analysis.campaign import COLUMNS, TrialRecord, campaign_summary
+from fault_tolerance.campaign.cases import MECHANISMS
+from fault_tolerance.campaign.runner import records, run_campaign, tasks
+from fault_tolerance.campaign.trial import Bench, TrialSettings
+from fault_tolerance.cli import main
+from fault_tolerance.kinematics.failures import failure_set
+from fault_tolerance.mechanism.catalogue import mechanism_named
+
+# One line of the raster before the failure, and one after it.
+SHORT = TrialSettings(warm_up=1.0, healthy=0.5, settling=0.8, watched=0.5, stopped=0.1)
+GOOD = TrialRecord(
+    mechanism='m', failures='position:a', tolerable=True, states=('degraded',),
+    final_state='degraded', largest_rate=0.1, error_rms=1.1e-6, healthy_error_rms=1e-6,
+    peak_force=0.5, recovery_time_us=900.0, seed=3,
+)
+STOPPED = replace(
+    GOOD, tolerable=False, states=('stopped',), final_state='stopped', largest_rate=0.0,
+    error_rms=1.0,
+)
+
+
+@pytest.mark.slow
+def test_single_failures_go_as_the_theory_says():
+    todo = tasks(MECHANISMS, SHORT, doubles=False)
+    # The legs of the platform come in pairs, all alike.
+    legs = ('_5', '_6', '_7', '_8')
+    todo = [
+        task for task in todo
+        if task.mechanism != 'gough_stewart_8' or not str(task.failures.failures[0]).endswith(legs)
+    ]
+    found = records(todo, len(os.sched_getaffinity(0)), lambda: None)
+
+    assert [record.mistakes for record in found if record.mistakes] == []
+    assert {record.mechanism for record in found} == set(MECHANISMS)
+    assert len(found) == 9 + 12 + 13 + 12
+    assert {record.final_state for record in found} == {'degraded', 'stopped'}
+    assert max(record.error_ratio for record in found if record.tolerable) <= 1.2
+
+
+def test_without_recovery_the_campaign_notices():
+    bench = Bench(mechanism_named('mirror_4_strut'), replace(SHORT, recovery=False))
+    record = bench.trial(failure_set(bench.mechanism, [('position', 'theta_4')]), 1)
+
+    assert record.error_ratio > 20.0
+    (mistake,) = record.mistakes
+    assert 'times the healthy' in mistake
+    assert record.peak_force > 1.0
+
+
+def test_the_same_seed_gives_the_same_trial_and_another_one_another():
+    settings = replace(SHORT, healthy=0.1, warm_up=0.1, settling=0.1, watched=0.1)
+    bench = Bench(mechanism_named('mirror_3_strut'), settings)
+    stuck = failure_set(bench.mechanism, [('position', 'theta_1')])
+
+    assert bench.trial(stuck, 1) == bench.trial(stuck, 1)
+    assert bench.trial(stuck, 1).error_rms != bench.trial(stuck, 2).error_rms
+
+
+@pytest.mark.parametrize(('record', 'complaint'), [
+    (replace(GOOD, error_rms=1.21e-6), 'error 1.21 times the healthy 1.00 microradians'),
+    (replace(GOOD, error_rms=float('nan')), 'error nan times'),
+    (replace(GOOD, states=('degraded', 'hold')), 'tolerable, but degraded, then hold and not deg'),
+    (replace(GOOD, states=('stopped',)), 'tolerable, but stopped and not degraded'),
+    (replace(STOPPED, states=('degraded', 'stopped')), 'intolerable, but degraded, then stopped'),
+    (replace(STOPPED, largest_rate=1e-9), 'a rate of 1e-09 was commanded'),
+])
+def test_what_is_not_as_it_should_be_is_told(record, complaint):
+    assert complaint in '; '.join(record.mistakes)
+    assert campaign_summary([record], 1)['mistakes'][0]['failures'] == 'position:a'
+
+
+def test_what_is_as_it_should_be_is_no_mistake():
+    assert GOOD.mistakes == STOPPED.mistakes == ()
+
+
+def test_results_are_written_as_the_contract_says(tmp_path, capsys):
+    settings = replace(SHORT, warm_up=0.1, healthy=0.1, settling=0.1, watched=0.1)
+    code = run_campaign(
+        tmp_path, ['mirror_3_strut'], doubles=False, jobs=1, settings=settings
+    )
+
+    with (tmp_path / 'results.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == COLUMNS == (
+        'mechanism', 'failures', 'tolerable', 'final_state', 'error_rms', 'healthy_error_rms',
+        'peak_force', 'recovery_time_us', 'seed',
+    )
+    assert len(rows) == 9
+    assert {row['tolerable'] for row in rows} == {'true', 'false'}
+    assert [row['failures'] for row in rows if row['tolerable'] == 'true'] == [
+        'position:theta_1', 'position:theta_2', 'position:theta_3']
+    assert all(float(row['error_rms']) > 0.0 for row in rows)
+    summary = json.loads((tmp_path / 'summary.json').read_text())
+    assert summary['trials'] == 9
+    assert summary['mechanisms']['mirror_3_strut']['intolerable'] == 6
+    assert code == (1 if summary['mistakes'] else 0)
+    assert '9 trials' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('arguments', 'complaint'), [
+    (['--jobs', '0'], "'0' is not a positive whole number"),
+    (['--mechanism', 'no_such_mirror'], 'no_such_mirror'),
+    (['--mechanism', 'serial_3r'], 'cannot point'),
+    (['--reference', 'spiral'], 'spiral'),
+])
+def test_bad_input_is_refused_in_one_line(arguments, complaint, capsys, tmp_path):
+    try:
+        code = main(['campaign', *arguments, '--output', str(tmp_path / 'out')])
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert complaint in line
+    assert not (tmp_path / 'out').exists()
