@@ -3,8 +3,10 @@
 
 """The control cycle without ROS, at another configuration in every call, beside its peers.
 
-A cycle is `Supervisor.joint_reading` and `Supervisor.step`: loops closed, rows, J and T, verdict,
-resolved rates, limits. All that is compared runs in turn, call by call, in one process.
+The cycle derives everything anew: loops closed from the drives' readings, rows, J, T, verdict,
+resolved rates, limits. The controller's step is that and all the rest that
+`Supervisor.joint_reading` and `Supervisor.step` do: state machine, watchdogs, plausibility. All
+that is compared runs in turn, call by call, in one process.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from benchmark.names import CYCLE
 from benchmark.peers import PEERS
 from benchmark.samples import main, row
+from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.reports import ERROR, Report
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
@@ -29,8 +32,9 @@ from fault_tolerance.mechanism.configuration import Configuration, fitted_config
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 
-CACHED = 'control cycle, joint values as before'
-DEGRADED = 'control cycle, one actuator stuck'
+STEP = 'step of the controller'
+CACHED = 'step of the controller, joint values as before'
+DEGRADED = 'step of the controller, one actuator stuck'
 RECONFIGURATION = 'reconfiguration'
 
 NAMED = ('mirror_3_strut', 'mirror_4_strut', 'mirror_overactuated', 'gough_stewart_6',
@@ -52,6 +56,23 @@ def path(mechanism: Mechanism) -> list[Configuration]:
         last = fitted_configuration(mechanism, values, start=last)
         found.append(last)
     return found
+
+
+def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[], object]:
+    """Return a call of the cycle at the next readings, each warm-started from the last."""
+    law = CommandLaw(mechanism, Settings())
+    velocity = np.full(len(mechanism.task.coordinates), 1e-5)
+    place, last = 0, None
+
+    def call() -> object:
+        nonlocal place, last
+        place = (place + 1) % len(readings)
+        values = readings[place]
+        last = fitted_configuration(mechanism, values, start=last)
+        post = reconfigured(strut_rows(last))
+        return law.limited(law.resolved(post.present, velocity), values)
+
+    return call
 
 
 class Cycles:
@@ -118,7 +139,8 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
     struts = strut_rows(configurations[0])
     stuck = failure_set(mechanism, [('position', mechanism.actuator_names[-1])])
     named = {
-        CYCLE: Cycles(mechanism, readings).at_the_next,
+        CYCLE: derived_anew(mechanism, readings),
+        STEP: Cycles(mechanism, readings).at_the_next,
         CACHED: Cycles(mechanism, readings).as_before,
         DEGRADED: Cycles(mechanism, readings, mechanism.actuator_names[-1]).at_the_next,
         RECONFIGURATION: lambda: reconfigured(struts, stuck),

@@ -38,6 +38,7 @@ _SHORT = 1e-4
 # A strut that carries this much of a direction alone cannot be taken out of the decomposition.
 _ALONE = 1.0 - 1e-6
 _AT_A_TIME = 4096
+_NONE = np.zeros(0, dtype=np.intp)
 
 
 def position_measures(kinematics: DifferentialKinematics, sets: IntArray) -> FloatArray:
@@ -45,6 +46,8 @@ def position_measures(kinematics: DifferentialKinematics, sets: IntArray) -> Flo
 
     By definition (eq. 14), all at a time.
     """
+    if not len(sets):
+        return np.zeros(0)
     major = kinematics.major
     order, scale = len(major), float(singular_values(major).max(initial=0.0))
     result = np.zeros(len(sets))
@@ -67,6 +70,8 @@ def torque_measures(kinematics: DifferentialKinematics, sets: IntArray) -> Float
 
     By definition (eq. 15), some at a time.
     """
+    if not len(sets):
+        return np.zeros(0)
     mapping = kinematics.mapping
     result = np.zeros(len(sets))
     at_a_time = max(1, 4 * _AT_A_TIME // max(len(mapping), 1))
@@ -80,6 +85,12 @@ def torque_measures(kinematics: DifferentialKinematics, sets: IntArray) -> Float
 
 def single_measures(kinematics: DifferentialKinematics) -> tuple[FloatArray, FloatArray]:
     """Return p and t of every actuator, (N,) each; NaN for those that do not drive."""
+    return _single_measures(kinematics, _spare(kinematics))
+
+
+def _single_measures(
+    kinematics: DifferentialKinematics, spare: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
     mapping = kinematics.mapping
     position, torque = np.full((2, len(mapping)), np.nan)
     driving = np.flatnonzero(kinematics.active)
@@ -88,7 +99,6 @@ def single_measures(kinematics: DifferentialKinematics) -> tuple[FloatArray, Flo
     torque[driving] = np.sqrt(np.maximum(still, 0.0))
     doubtful = driving[still < _CANCELLED]
     torque[doubtful] = torque_measures(kinematics, doubtful[:, None])
-    spare = _spare(kinematics)
     if spare is None:
         position[driving] = 0.0
         return position, torque
@@ -111,7 +121,7 @@ def pair_measures(kinematics: DifferentialKinematics) -> tuple[FloatArray, Float
     mapping, spare = kinematics.mapping, _spare(kinematics)
     count = len(mapping)
     position, torque = np.zeros((2, count, count))
-    singles = single_measures(kinematics)
+    singles = _single_measures(kinematics, spare)
     moved = np.einsum('ij,ij->i', mapping, mapping)
     kept = np.zeros(count) if spare is None else np.einsum('ij,ij->i', spare, spare)
     doubtful: list[tuple[IntArray, IntArray]] = []
@@ -134,6 +144,8 @@ def pair_measures(kinematics: DifferentialKinematics) -> tuple[FloatArray, Float
 
     for place, pairs in enumerate(doubtful):
         first, second = pairs
+        if not len(first):
+            continue
         of_torque = spare is None or place % 2 == 0
         if of_torque:
             # Where one alone is fatal, so are both.
@@ -307,6 +319,8 @@ def _pairs(
 
     Its rows are those from ``start`` on of a square.
     """
+    if not mask.any():
+        return _NONE, _NONE
     first, second = np.nonzero(mask)
     first = first + start
     active = kinematics.active
