@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from plant_cases import BY_NUMBERS, MECHANISMS, UNLOADED, broken, driven, rotation_of
 
+from fault_tolerance.cli import main
 from fault_tolerance.errors import ArrayError, EngineError, MechanismError
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.engines import ENGINES, plant_named, require_engine
@@ -229,7 +230,7 @@ def test_bad_orders_are_refused():
         plant_named('bullet', MECHANISMS['mirror_4_strut'])
 
 
-def test_a_missing_package_is_named_in_one_line(monkeypatch):
+def test_a_missing_package_is_named_in_one_line(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'mujoco', None)
     for order in (
         lambda: require_engine('mujoco'),
@@ -238,6 +239,10 @@ def test_a_missing_package_is_named_in_one_line(monkeypatch):
         with pytest.raises(EngineError, match=r"pip install 'fault_tolerance\[mujoco\]'") as found:
             order()
         assert '\n' not in str(found.value)
+    assert main(['demo', '--engine', 'mujoco']) == 2
+    complaint = capsys.readouterr().err
+    assert complaint.startswith('fault_tolerance: the engine mujoco needs: pip install')
+    assert complaint.count('\n') == 1
     require_engine('elastic')
     mjcf_text(MECHANISMS['mirror_4_strut'])
 
