@@ -6,11 +6,13 @@
 Decoding a DiagnosticArray takes longer than a whole control cycle, and `/diagnostics` belongs to
 everybody. Messages that cannot hold a failure report are left aside unread, repeats too. Those
 that name a part of this mechanism come first; the others could only be mistakes, to be told of.
-And all decoding together may take no more than a share of the time.
+And all decoding together may take no more than a share of the time. A failure does not queue
+behind good news: what says that parts are healthy will be said again, and makes room.
 """
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Iterable
 
@@ -25,11 +27,20 @@ SHARE = 0.1
 BURST = 0.01
 """Seconds that it may take at once, after a rest."""
 
+RESERVE = 0.25 * BURST
+"""Seconds of that which are kept for failures, however much else there is to read."""
+
 _KEY = FAILURE_MODE_KEY.encode()
 _MOST_WAITING = 64
 _MOST_FOREIGN = 2
 # Repeats say that a failure is still reported, so one of them is read now and then.
 _REPEAT_AFTER = 0.5
+# A value after the key that is no word for health. Strings are written with their length in four
+# bytes and a zero at the end, and begin at multiples of four: what fills up may be anything.
+_FAILURE = re.compile(
+    _KEY + rb'\0' + rb'[\s\S]' * (-(len(_KEY) + 1) % 4) + rb'[\s\S]{4}'
+    rb'(?!(?:none|ok|healthy|clear)\0)'
+)
 
 
 class ReportInbox:
@@ -49,7 +60,8 @@ class ReportInbox:
     def __init__(self, names: Iterable[str]) -> None:
         self.dropped = 0
         self._names = tuple(name.encode() for name in names)
-        self._waiting: deque[bytes] = deque()
+        self._failures: deque[bytes] = deque()
+        self._others: deque[bytes] = deque()
         self._foreign: deque[bytes] = deque(maxlen=_MOST_FOREIGN)
         self._credit = BURST
         self._renewed = 0.0
@@ -71,21 +83,32 @@ class ReportInbox:
         if len(self._seen) >= _MOST_WAITING:
             self._seen.clear()
         self._seen[digest] = now
-        if len(self._waiting) == _MOST_WAITING:
-            self._waiting.popleft()
-            self.dropped += 1
-        self._waiting.append(message)
+        if _FAILURE.search(message):
+            # Order counts: good news from before a failure may not be read after it.
+            self.dropped += len(self._others)
+            self._others.clear()
+            self._append(self._failures, message)
+        else:
+            self._append(self._others, message)
 
     def next(self, now: float) -> bytes | None:
         """Return a message to decode, or None: there is none, or no time for one yet."""
-        if not (self._waiting or self._foreign):
+        if not (self._failures or self._others or self._foreign):
             return None
         self._credit = min(self._credit + SHARE * max(now - self._renewed, 0.0), BURST)
         self._renewed = now
-        if self._waiting:
-            return self._waiting.popleft() if self._credit > 0.0 else None
+        if self._failures:
+            return self._failures.popleft() if self._credit > 0.0 else None
+        if self._others:
+            return self._others.popleft() if self._credit > RESERVE else None
         # Mistakes are told of when there is plenty of time.
         return self._foreign.popleft() if self._credit >= BURST else None
+
+    def _append(self, queue: deque[bytes], message: bytes) -> None:
+        if len(queue) == _MOST_WAITING:
+            queue.popleft()
+            self.dropped += 1
+        queue.append(message)
 
     def spent(self, seconds: float) -> None:
         """Take note of how long the reading of a message has taken."""

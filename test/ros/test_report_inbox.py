@@ -4,6 +4,12 @@
 
 from __future__ import annotations
 
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import serialize_message
+
 from fault_tolerance.nodes.inbox import BURST, MOST_BYTES, SHARE, ReportInbox
 
 NAMES = ('theta_1', 'strut_1')
@@ -90,6 +96,59 @@ def test_what_names_no_part_of_ours_keeps_nothing_of_ours_waiting():
     # Of the others the newest are told of, when there is time.
     assert set(drained(inbox, 1.0)) <= {report('999', 'wheel_2'), report('998', 'wheel_2')}
     assert len(found) + len(drained(inbox, 2.0)) < 10
+
+
+def serialised(number: int, mode: str, name: str = 'drive') -> bytes:
+    """Return a message as drives send it; names of any length shift what follows."""
+    status = DiagnosticStatus(
+        name=f'{name} {number}', hardware_id='theta_1', level=b'\x02',
+        values=[KeyValue(key='failure_mode', value=mode), KeyValue(key='t', value='21.5')],
+    )
+    return serialize_message(DiagnosticArray(status=[status]))
+
+
+@pytest.mark.parametrize('name', ['d', 'dr', 'dri', 'driv'])
+@pytest.mark.parametrize('mode', ['position', 'Hard', 'melted', 'okay', 'none '])
+def test_a_failure_does_not_queue_behind_good_news(mode, name):
+    inbox = ReportInbox(NAMES)
+    for number in range(500):
+        inbox.put(serialised(number, 'none', name), 0.0)
+    drained(inbox, 0.0, BURST / 10)
+    failure, after = serialised(7, mode, name), serialised(501, 'ok', name)
+    inbox.put(failure, 0.01)
+    inbox.put(after, 0.01)
+    # At once, and nothing that was said before it comes after it.
+    assert inbox.next(0.01) == failure
+    assert drained(inbox, 1.0) == [after]
+
+
+def test_failures_come_in_the_order_they_were_reported():
+    inbox = ReportInbox(NAMES)
+    messages = [serialised(number, 'position') for number in range(8)]
+    for message in messages:
+        inbox.put(message, 0.0)
+    assert drained(inbox) == messages
+
+
+@pytest.mark.parametrize('repeated', [True, False])
+def test_five_thousand_messages_a_second_leave_most_of_a_processor(repeated):
+    """In time of this process, the least of several rounds: nothing else counts."""
+    statuses = [
+        DiagnosticStatus(
+            name=f'drive {number}', hardware_id='theta_1', level=b'\0',
+            values=[KeyValue(key='failure_mode', value='none')],
+        )
+        for number in range(64)
+    ]
+    raw = serialize_message(DiagnosticArray(status=statuses))
+    messages = [raw if repeated else raw + bytes([number, 0]) for number in range(250)]
+    inbox, rounds = ReportInbox(NAMES), []
+    for _ in range(8):
+        begin = time.process_time()
+        for message in messages:
+            inbox.put(message, 0.0)
+        rounds.append((time.process_time() - begin) / len(messages))
+    assert 5000 * min(rounds) < 0.25
 
 
 def test_a_message_of_absurd_length_is_left_aside():
