@@ -14,7 +14,6 @@ LINES = re.findall(r'^\| ([A-Z]\d+) \| (.+?) \| (.*?) ?\|$', TABLE, re.MULTILINE
 ROWS = {row: re.findall(r'`([^`]+)`', tests) for row, _, tests in LINES}
 NAMED = sorted({test for tests in ROWS.values() for test in tests})
 COUNTS = {'J': 17, 'C': 11, 'F': 24, 'T': 12}
-PENDING: set[str] = set()
 
 
 def test_no_row_is_missing():
@@ -23,7 +22,7 @@ def test_no_row_is_missing():
 
 
 def test_every_row_names_a_test():
-    assert {row for row, tests in ROWS.items() if not tests} == PENDING
+    assert {row for row, tests in ROWS.items() if not tests} == set()
 
 
 @pytest.mark.parametrize('name', NAMED)
