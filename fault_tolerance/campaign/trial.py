@@ -33,6 +33,8 @@ class TrialSettings:
         (some microradians) and not the elastic deflection alone, as on a circle.
     warm_up, healthy : float
         Seconds from rest until errors count, and over which they count.
+    latest : float
+        Seconds after that within which the failure happens.
     settling, watched : float
         Seconds after a tolerable failure until errors count again, and over which they count.
         The error at the failure itself, about the way of one period, dies away in between.
@@ -50,6 +52,7 @@ class TrialSettings:
     reference: Reference = Raster(frequency=1.0)
     warm_up: float = 1.0
     healthy: float = 1.0
+    latest: float = 1.0
     settling: float = 1.0
     watched: float = 1.0
     stopped: float = 0.2
@@ -87,7 +90,7 @@ class Bench:
             Decides when in the reference they happen, and on the noise from then on.
         """
         settings, loop = self.settings, self._loop.forked(seed)
-        loop.run(float(np.random.default_rng(seed).uniform(0.0, 1.0)))
+        loop.run(float(np.random.default_rng(seed).uniform(0.0, settings.latest)))
         pairs = [(failure.mode.value, failure.name) for failure in failures.failures]
         for words in failure_words(pairs):
             loop.inject(words)

@@ -18,7 +18,9 @@ from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 # One line of the raster before the failure, and one after it.
-SHORT = TrialSettings(warm_up=1.0, healthy=0.5, settling=0.8, watched=0.5, stopped=0.1)
+SHORT = TrialSettings(
+    warm_up=1.0, healthy=0.5, latest=0.25, settling=0.8, watched=0.5, stopped=0.1
+)
 GOOD = TrialRecord(
     mechanism='m', failures='position:a', tolerable=True, states=('degraded',),
     final_state='degraded', largest_rate=0.1, error_rms=1.1e-6, healthy_error_rms=1e-6,
@@ -33,8 +35,8 @@ STOPPED = replace(
 @pytest.mark.slow
 def test_single_failures_go_as_the_theory_says():
     todo = tasks(MECHANISMS, SHORT, doubles=False)
-    # The legs of the platform come in pairs, all alike.
-    legs = ('_5', '_6', '_7', '_8')
+    # The legs of the platform come in pairs, all pairs alike.
+    legs = tuple(f'_{number}' for number in range(3, 9))
     todo = [
         task for task in todo
         if task.mechanism != 'gough_stewart_8' or not str(task.failures.failures[0]).endswith(legs)
@@ -43,7 +45,7 @@ def test_single_failures_go_as_the_theory_says():
 
     assert [record.mistakes for record in found if record.mistakes] == []
     assert {record.mechanism for record in found} == set(MECHANISMS)
-    assert len(found) == 9 + 12 + 13 + 12
+    assert len(found) == 9 + 12 + 13 + 6
     assert {record.final_state for record in found} == {'degraded', 'stopped'}
     assert max(record.error_ratio for record in found if record.tolerable) <= 1.2
 
@@ -59,7 +61,7 @@ def test_without_recovery_the_campaign_notices():
 
 
 def test_the_same_seed_gives_the_same_trial_and_another_one_another():
-    settings = replace(SHORT, healthy=0.1, warm_up=0.1, settling=0.1, watched=0.1)
+    settings = replace(SHORT, healthy=0.1, warm_up=0.1, settling=0.02, watched=0.05)
     bench = Bench(mechanism_named('mirror_3_strut'), settings)
     stuck = failure_set(bench.mechanism, [('position', 'theta_1')])
 
@@ -85,7 +87,7 @@ def test_what_is_as_it_should_be_is_no_mistake():
 
 
 def test_results_are_written_as_the_contract_says(tmp_path, capsys):
-    settings = replace(SHORT, warm_up=0.1, healthy=0.1, settling=0.1, watched=0.1)
+    settings = replace(SHORT, warm_up=0.1, healthy=0.1, settling=0.1, watched=0.1, stopped=0.02)
     code = run_campaign(
         tmp_path, ['mirror_3_strut'], doubles=False, jobs=1, settings=settings
     )
