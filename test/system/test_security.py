@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 
 import pytest
 import rclpy
-from node_rig import PATIENCE
 
 from fault_tolerance.nodes.demo_operator import Operator
 
 ROOT = Path(__file__).resolve().parents[2]
 PRODUCTION, BENCH = ROOT / 'security' / 'policy.xml', ROOT / 'security' / 'test_bench.xml'
+PATIENCE = 60.0
 RIGHTS = {
     ('topics', 'publish'): 'get_publisher_names_and_types_by_node',
     ('topics', 'subscribe'): 'get_subscriber_names_and_types_by_node',
@@ -68,7 +68,7 @@ def test_the_policy_is_the_graph_of_the_running_nodes(probe, start):
     allowed = profiles(PRODUCTION)
     for module in PROCESSES.values():
         start(module)
-    probe.wait_for_state('nominal')
+    probe.wait(lambda: probe.state == 'nominal', 'nominal', PATIENCE)
 
     def complete() -> bool:
         names = set(probe.node.get_node_names())
