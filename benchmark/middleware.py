@@ -45,6 +45,12 @@ QUICK_ROUNDS = 20
 SPACING = 0.0015
 """Seconds of rest after every answer, so that nothing queues."""
 
+SETTLING = 0.06
+"""Seconds before a report: failures do not come one upon the other."""
+
+REPORT_EVERY = 3
+"""Rounds; what takes long is asked for less often."""
+
 _BURST = 400
 NAMES = {
     JOINT_STATE: JOINT_STATE_ECHO,
@@ -182,6 +188,7 @@ def run(
             for values in samples.values():
                 values.append([])
             for kind, ask in _turns(conversation, rounds):
+                prober.rest(SETTLING if kind in ('report', 'release') else 0.0)
                 conversation.refresh()
                 prober.rest(SPACING)
                 try:
@@ -224,7 +231,7 @@ def _turns(
 ) -> Iterator[tuple[str, Callable[[], float]]]:
     """Yield what to ask next: each in turn, the first one another in every round."""
     for number in range(rounds):
-        actuator = number % conversation.actuators
+        actuator = number // REPORT_EVERY % conversation.actuators
         turn = [
             (JOINT_STATE, conversation.joint_state_echo),
             (ARRAY, conversation.array_echo),
@@ -235,7 +242,8 @@ def _turns(
         first = number % 3
         yield from turn[first:3]
         yield from turn[:first]
-        yield from turn[3:]
+        if number % REPORT_EVERY == 0:
+            yield from turn[3:]
 
 
 def _cpu(conversation: Conversation, processes: Processes, count: int) -> dict[str, float]:

@@ -46,8 +46,8 @@ WATCHDOG_PERIOD = 0.01
 """Seconds; what does not arrive is noticed this much after its timeout at the latest."""
 
 METRICS_PERIOD = 0.2
-COLLECTION_PERIOD = 1.0
-"""Seconds between two collections of garbage, which are made in idle time."""
+COLLECTION_PERIOD = 5.0
+"""Seconds between two collections of garbage, made in idle time if there is any."""
 
 STALL = 0.15
 """Seconds between two watchdog periods that count as a stall."""
@@ -177,6 +177,8 @@ class Controller(Node):
 
     def _on_collection_due(self) -> None:
         self.idle.activity += 1
+        if self._collecting.due:
+            self._collecting.do()
         self._collecting.due = True
 
     def _present(self) -> tuple[int, str]:
