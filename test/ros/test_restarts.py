@@ -106,7 +106,7 @@ def test_killed_and_restarted_the_controller_is_degraded_again_with_the_same_kin
 
 def test_the_simulator_may_be_restarted_and_what_had_failed_waits_for_a_clear(pair, probe):
     simulator = pair.start('fsm_simulator')
-    probe.wait(lambda: pair.joint_states, 'joint states')
+    probe.wait(lambda: pair.joint_states, 'joint states', 60.0)
     controller = pair.start('controller')
     probe.wait_for_state('nominal')
 
