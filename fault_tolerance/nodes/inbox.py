@@ -27,6 +27,10 @@ SHARE = 0.1
 BURST = 0.01
 """Seconds that it may take at once, after a rest."""
 
+DEBT = 2.0 * BURST
+"""Seconds over that allowance which count at most: one message that took very long, be it only
+that the machine was busy, must not keep a failure waiting for ten times as long."""
+
 RESERVE = 0.25 * BURST
 """Seconds of that which are kept for failures, however much else there is to read."""
 
@@ -112,7 +116,7 @@ class ReportInbox:
 
     def spent(self, seconds: float) -> None:
         """Take note of how long the reading of a message has taken."""
-        self._credit -= seconds
+        self._credit = max(self._credit - seconds, -DEBT)
 
     def forget(self) -> None:
         """Take the next message for news even if it was seen before: something has changed."""

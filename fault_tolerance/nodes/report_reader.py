@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import deserialize_message
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.serialization import deserialize_message, serialize_message
 
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.reports import Report, report_of
@@ -49,6 +49,9 @@ class ReportReader:
         self._line = line
         self._health = health
         self._inbox = ReportInbox(self._names)
+        # The first message takes long, as code is loaded for it: so that is not a failure report.
+        first = DiagnosticArray(status=[DiagnosticStatus()])
+        deserialize_message(serialize_message(first), DiagnosticArray)
 
     def put(self, raw: bytes) -> None:
         """Take a serialised message."""

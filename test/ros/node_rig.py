@@ -210,9 +210,14 @@ class Probe:
 class LockstepClock:
     """Simulated time that takes its next step when the last one has been answered.
 
+    Answered means: there are new messages, and then every node has answered a request, which
+    it takes up after the messages it got before. So nobody is late, however busy the machine.
+
     Parameters
     ----------
     probe : Probe
+    nodes : tuple of str
+        Those that take part.
     answers : tuple of list
         What every step adds a message to, once all nodes run; the probe listens to them.
     period : float
@@ -223,9 +228,18 @@ class LockstepClock:
     """Seconds for an answer; sensor data may get lost, and time must go on."""
 
     def __init__(
-        self, probe: Probe, answers: tuple[list[Any], ...], period: float = 0.01
+        self,
+        probe: Probe,
+        nodes: tuple[str, ...],
+        answers: tuple[list[Any], ...],
+        period: float = 0.01,
     ) -> None:
         self._probe = probe
+        self._clients = [
+            probe.node.create_client(GetParameters, f'{name}/get_parameters') for name in nodes
+        ]
+        for client in self._clients:
+            probe.wait(client.service_is_ready, client.srv_name)
         self._answers = answers
         self._period = round(1e9 * period)
         self._now = 0
@@ -238,11 +252,14 @@ class LockstepClock:
         self._publisher.publish(
             Clock(clock=Time(sec=self._now // 10**9, nanosec=self._now % 10**9))
         )
-        deadline = time.monotonic() + self.PATIENCE
-        while time.monotonic() < deadline and any(
-            len(messages) == count for messages, count in zip(self._answers, before, strict=True)
-        ):
-            self._probe.listen(0.02)
+        self._listen_until(
+            lambda: all(
+                len(messages) > count
+                for messages, count in zip(self._answers, before, strict=True)
+            )
+        )
+        futures = [client.call_async(GetParameters.Request()) for client in self._clients]
+        self._listen_until(lambda: all(future.done() for future in futures))
 
     def run(self, duration: float) -> None:
         """Let ``duration`` seconds pass."""
@@ -258,6 +275,13 @@ class LockstepClock:
 
     def close(self) -> None:
         self._probe.node.destroy_publisher(self._publisher)
+        for client in self._clients:
+            self._probe.node.destroy_client(client)
+
+    def _listen_until(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + self.PATIENCE
+        while not condition() and time.monotonic() < deadline:
+            self._probe.listen(0.02)
 
 
 class Plant:

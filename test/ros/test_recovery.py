@@ -37,7 +37,9 @@ class Scan:
         self.errors = probe.heard(Vector3Stamped, 'pointing/error', qos_profile_sensor_data)
         self.joint_states = probe.joint_states()
         velocities = probe.heard(TwistStamped, 'fault_tolerance/task_velocity')
-        self._clock = LockstepClock(probe, (probe.commands, velocities))
+        self._clock = LockstepClock(
+            probe, ('fsm', 'fault_tolerance', 'pointing'), (probe.commands, velocities)
+        )
         self._faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
         probe.wait(self._faults.get_subscription_count, 'the simulator')
         self._clock.run_until(lambda: probe.state == 'nominal', 'nominal')

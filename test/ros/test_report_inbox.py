@@ -10,7 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
-from fault_tolerance.nodes.inbox import BURST, MOST_BYTES, SHARE, ReportInbox
+from fault_tolerance.nodes.inbox import BURST, DEBT, MOST_BYTES, SHARE, ReportInbox
 
 NAMES = ('theta_1', 'strut_1')
 
@@ -156,3 +156,13 @@ def test_a_message_of_absurd_length_is_left_aside():
     inbox.put(report('x' * MOST_BYTES), 0.0)
     assert drained(inbox) == []
     assert inbox.dropped == 1
+
+
+def test_a_message_that_took_very_long_does_not_keep_others_waiting():
+    inbox = ReportInbox(NAMES)
+    inbox.put(report('a'), 0.0)
+    assert inbox.next(0.0) == report('a')
+    inbox.spent(5.0)
+    inbox.put(report('b'), 0.01)
+    assert inbox.next(0.01) is None
+    assert inbox.next(0.01 + 1.5 * DEBT / SHARE) == report('b')
