@@ -20,6 +20,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 # Seconds; one that hangs must not hang the pipeline. `make soak` and `make fuzz` ask for more.
@@ -49,6 +50,11 @@ def _own_domain() -> int:
         return domain
     raise RuntimeError(f'all {DOMAINS} ROS domains are held by other test runs')
 
+
+# A pipeline tells what a change does: the same examples every time. Elsewhere, new ones.
+hypothesis.settings.register_profile('pipeline', derandomize=True)
+if os.environ.get('CI'):
+    hypothesis.settings.load_profile('pipeline')
 
 # Before anything imports rclpy; child processes inherit it.
 os.environ['ROS_DOMAIN_ID'] = str(_own_domain())

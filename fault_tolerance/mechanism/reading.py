@@ -18,6 +18,9 @@ from fault_tolerance.errors import MechanismError
 _NUMBER_AS_TEXT = re.compile(r'[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+|[-+]\.\d+')
 
 
+_MERGE = 'tag:yaml.org,2002:merge'
+
+
 class _Loader(yaml.SafeLoader):
     """A safe loader that refuses a key given twice (plain YAML keeps the last one silently)."""
 
@@ -34,15 +37,33 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        """Merge what ``<<`` refers to, each key once: merges of merges must not multiply."""
+        """Put in what ``<<`` refers to: each key once, own ones first, then those named first.
+
+        Not left to PyYAML, whose versions disagree on which of several sources counts, and where
+        merges of merges multiply.
+        """
+        merged: dict[object, tuple[yaml.Node, yaml.Node]] = {}
+        own = {}
+        # Empty meanwhile, for a mapping that is to be merged into itself.
+        pairs, node.value = node.value, []
+        for key_node, value_node in pairs:
+            if key_node.tag != _MERGE:
+                own[_identity(key_node)] = (key_node, value_node)
+                continue
+            several = isinstance(value_node, yaml.SequenceNode)
+            for source in value_node.value if several else [value_node]:
+                if not isinstance(source, yaml.MappingNode):
+                    line = source.start_mark.line + 1
+                    raise yaml.YAMLError(f'line {line}: << does not refer to keys and values')
+                self.flatten_mapping(source)
+                for pair in source.value:
+                    merged.setdefault(_identity(pair[0]), pair)
+        node.value = list((merged | own).values())
         super().flatten_mapping(node)
-        # Later ones count: PyYAML puts the mapping's own keys last.
-        merged = {
-            key_node.value if isinstance(key_node, yaml.ScalarNode) else id(key_node): pair
-            for pair in node.value
-            for key_node in pair[:1]
-        }
-        node.value = list(merged.values())
+
+
+def _identity(key_node: yaml.Node) -> object:
+    return key_node.value if isinstance(key_node, yaml.ScalarNode) else id(key_node)
 
 
 class Section:

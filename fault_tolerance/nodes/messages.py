@@ -27,6 +27,12 @@ from fault_tolerance.mechanism.arrays import FloatArray
 FAILURE_MODE_KEY = 'failure_mode'
 """The key that makes a diagnostic status a failure report."""
 
+FARTHEST = 1e6
+"""Metres; no platform is farther away."""
+
+UNIT_TOLERANCE = 0.01
+"""By how much the length of a quaternion may differ from 1: rounded ones still pass."""
+
 _LEVELS = (
     DiagnosticStatus.OK,
     DiagnosticStatus.WARN,
@@ -78,6 +84,11 @@ def pose_from_msg(message: PoseStamped) -> FloatArray:
     pose[:3, 3] = position.x, position.y, position.z
     if not (np.isfinite(pose).all() and np.isfinite(quaternion).all()):
         raise ValueError('the pose is not finite')
+    # Squares of such numbers would lose their meaning.
+    if (np.abs(pose) > FARTHEST).any():
+        raise ValueError(f'the position is more than {FARTHEST:g} m away')
+    if abs(np.linalg.norm(np.clip(quaternion, -2.0, 2.0)) - 1.0) > UNIT_TOLERANCE:
+        raise ValueError('the norm of the quaternion is not 1')
     pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     return pose
 

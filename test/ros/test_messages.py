@@ -71,6 +71,21 @@ def test_a_pose_that_is_not_finite_is_refused(field):
         pose_from_msg(message)
 
 
+@pytest.mark.parametrize('size', [0.5, 2.0, 1e200])
+def test_a_pose_whose_quaternion_is_no_unit_one_is_refused(size):
+    message = pose_to_msg(STAMP, '', np.eye(4))
+    message.pose.orientation.w = size
+    with pytest.raises(ValueError, match='norm'):
+        pose_from_msg(message)
+
+
+def test_a_pose_beyond_reason_is_refused():
+    message = pose_to_msg(STAMP, '', np.eye(4))
+    message.pose.position.z = -1e7
+    with pytest.raises(ValueError, match='away'):
+        pose_from_msg(message)
+
+
 def test_a_pose_without_orientation_is_refused():
     message = PoseStamped()
     message.pose.orientation.w = 0.0
