@@ -85,8 +85,8 @@ fuzz: venv  ## Send the nodes nonsense (SECONDS=600, SEED=1, ARGS=...)
 soak: venv  ## A failure and a clearing every second (SECONDS=1800, ARGS=...)
 	SOAK_SECONDS=$(or $(SECONDS),1800) $(RUN) -m pytest test/system/test_soak.py -s $(ARGS)
 
-test: venv  ## Run every test, the ROS ones (but the slow) also with message fields checked
-	ROS_PYTHON_CHECK_FIELDS=1 $(RUN) -m pytest test/ros -m 'not slow' $(ARGS)
+test: venv  ## Run every test, the ROS ones also with message fields checked
+	ROS_PYTHON_CHECK_FIELDS=1 $(RUN) -m pytest test/ros $(ARGS)
 	$(RUN) -m pytest $(ARGS)
 
 test-pins: $(PINS_STAMP)  ## Run every test with the versions of Ubuntu 24.04
