@@ -192,7 +192,8 @@ class Controller(Node):
         topic = self._joint_states.topic_name
         count = self.count_publishers(topic)
         text = f'no joint state yet on {topic} ({count} publishers; any reliability will do)'
-        self._health.warn_once('waiting', text)
+        if not self._teller.discovering:
+            self._health.warn_once('waiting', text)
         return WARN, text
 
     def _on_operated(self) -> None:

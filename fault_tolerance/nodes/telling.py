@@ -5,14 +5,24 @@
 
 from __future__ import annotations
 
+from time import monotonic
+
 from rclpy.node import Node
 
 from fault_tolerance.control.metrics import Metrics
 from fault_tolerance.control.output import Output
+from fault_tolerance.control.recovery import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.nodes.idle import Job
 from fault_tolerance.nodes.messages import decimal
 from fault_tolerance.nodes.publishing import MetricsPublisher
+
+DISCOVERY = 2.0
+"""Seconds after the start for which nothing is said of waiting.
+
+Publishers that are there already may take that long to be discovered (the middleware repeats
+itself every three seconds): until then that nothing has arrived means nothing.
+"""
 
 
 class Teller:
@@ -43,11 +53,18 @@ class Teller:
         self._metrics = metrics
         self._told: tuple[object, ...] = ()
         self._worked_out: Metrics | None = None
-        self._tell()
+        self._discovered = monotonic() + DISCOVERY
+
+    @property
+    def discovering(self) -> bool:
+        """Whether what has not been heard of yet may be there all the same."""
+        return monotonic() < self._discovered
 
     def note(self, output: Output) -> None:
         """See whether there is anything to tell."""
-        if (output.state, output.failures) != self._told:
+        if (output.state, output.failures) == self._told:
+            return
+        if output.state is not State.WAITING or not self.discovering:
             self.changes.due = True
 
     def no_longer_wait(self) -> None:
