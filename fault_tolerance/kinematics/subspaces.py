@@ -22,11 +22,15 @@ def rank_of(sigma: FloatArray, scale: float | None = None) -> int:
     scale : float, optional
         What "not small" is measured against; the largest of them by default.
     """
-    values = sigma.tolist()
+    values: list[float] = sigma.tolist()
     if scale is None:
         scale = max(values, default=0.0)
     threshold = RANK_TOLERANCE * scale
-    return sum(value > threshold for value in values) if scale > 0.0 else 0
+    if not (scale > 0.0 and values):
+        return 0
+    if min(values) > threshold:
+        return len(values)
+    return sum(value > threshold for value in values)
 
 
 def rank(matrix: FloatArray, scale: float | None = None) -> int:

@@ -22,7 +22,7 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.mechanism.screws import displaced
 from fault_tolerance.mechanism.state import State, evaluated
-from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, RANK_TOLERANCE
+from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 from fault_tolerance.mechanism.tracking import Closed, tracked
 
 _MOST_ITERATIONS = 60
@@ -88,7 +88,7 @@ class Closure:
             # In an overconstrained mechanism the freedom to fit shows only once the loops close.
             if length <= last and kept == before:
                 found = self.certified(state, True, iteration)
-                if found.residual <= CLOSURE_TOLERANCE:
+                if found.closes:
                     return found
             if not np.isfinite(length):
                 break
@@ -96,8 +96,7 @@ class Closure:
 
     def certified(self, state: State, converged: bool, iterations: int) -> Closed:
         """Return ``state`` with what is open in it."""
-        residual, strain = state.residuals(self.attachment, self._kept(state))
-        return Closed(state, residual, strain, converged, iterations)
+        return Closed(state, self.attachment, self._kept(state), converged, iterations)
 
     def _kept(self, state: State) -> int:
         """Return how many structural constraints are not absorbed."""

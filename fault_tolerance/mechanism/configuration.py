@@ -46,14 +46,10 @@ class Configuration:
         Joint values of the actuators, consistent with `pose`.
     misfit : (N,) array
         Value given less value found; 0 where none was given.
-    closure_residual : float
-        Metres left open outside the directions that the flexures absorb.
-    flexure_strain : float
-        Metres the flexures take up along the directions they absorb.
     converged : bool
         Whether the loops are closed and the values given are fitted.
     iterations : int
-    state : State or None
+    closed : Closed or None
         The working arrays, from which the next configuration starts; None without struts.
     """
 
@@ -62,11 +58,24 @@ class Configuration:
     joint_values: FloatArray
     actuator_values: FloatArray
     misfit: FloatArray
-    closure_residual: float
-    flexure_strain: float
     converged: bool
     iterations: int
-    state: State | None
+    closed: Closed | None
+
+    @property
+    def state(self) -> State | None:
+        """The state from which the next configuration starts; None without struts."""
+        return self.closed.state if self.closed else None
+
+    @property
+    def closure_residual(self) -> float:
+        """Metres left open outside the directions that the flexures absorb."""
+        return self.closed.open[0] if self.closed else 0.0
+
+    @property
+    def flexure_strain(self) -> float:
+        """Metres the flexures take up along the directions they absorb."""
+        return self.closed.open[1] if self.closed else 0.0
 
     @property
     def constraints(self) -> StrutConstraints:
@@ -93,7 +102,7 @@ def home_configuration(mechanism: Mechanism) -> Configuration:
     if not mechanism.struts:
         return _working_point(mechanism)
     closure = Closure(mechanism, ())
-    return _configuration(closure, closure.certified(_home_state(mechanism), True, 0), None)
+    return _configuration(mechanism, closure.certified(_home_state(mechanism), True, 0), None)
 
 
 def solved_configuration(
@@ -148,7 +157,7 @@ def solved_configuration(
         goal = target * (stride / strides)
         closed = closure.solved(state, goal, nearest_home=True)
         state, iterations = closed.state, iterations + closed.iterations
-    found = _configuration(closure, replace(closed, iterations=iterations), target)
+    found = _configuration(mechanism, replace(closed, iterations=iterations), target)
     _require_closed(found)
     return found
 
@@ -191,7 +200,7 @@ def fitted_configuration(
     state = start.state if start is not None else None
     if state is None:
         state = _home_state(mechanism)
-    return _configuration(closure, closure.fitted(state, target), target)
+    return _configuration(mechanism, closure.fitted(state, target), target)
 
 
 def _require_closed(found: Configuration) -> None:
@@ -215,29 +224,29 @@ def _home_state(mechanism: Mechanism) -> State:
 
 
 def _configuration(
-    closure: Closure, closed: Closed, target: FloatArray | None
+    mechanism: Mechanism, closed: Closed, target: FloatArray | None
 ) -> Configuration:
-    state = closed.state
+    state, attachment = closed.state, closed.attachment
     actuators = state.actuator_values
-    misfit = np.zeros_like(actuators)
-    if target is not None:
+    if target is None:
+        misfit = np.zeros(actuators.shape)
+    elif attachment.complete and isfinite(float(target.dot(target))):
+        misfit = target - actuators
+    else:
         # Differences with NaN, where there is no reading, are left out.
-        np.subtract(
-            target, actuators, out=misfit, where=np.isfinite(target) & closure.attachment.held
-        )
+        misfit = np.zeros(actuators.shape)
+        np.subtract(target, actuators, out=misfit, where=np.isfinite(target) & attachment.held)
     for array in (state.pose, state.joint_values, actuators, misfit):
         array.setflags(write=False)
     return Configuration(
-        closure.mechanism,
+        mechanism,
         state.pose,
         state.joint_values,
         actuators,
         misfit,
-        closed.residual,
-        closed.strain,
         closed.converged,
         closed.iterations,
-        state,
+        closed,
     )
 
 
@@ -247,7 +256,7 @@ def _working_point(mechanism: Mechanism) -> Configuration:
     pose = np.eye(4)
     pose[:3, 3] = mechanism.origin
     pose = frozen_array(pose, (4, 4), 'pose')
-    return Configuration(mechanism, pose, none, zero, zero, 0.0, 0.0, True, 0, None)
+    return Configuration(mechanism, pose, none, zero, zero, True, 0, None)
 
 
 def _in_metres(mechanism: Mechanism, values: FloatArray) -> FloatArray:

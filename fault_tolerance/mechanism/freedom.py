@@ -73,15 +73,17 @@ class Freedom:
     @cached_property
     def fit(self) -> FloatArray:
         """The twist (6, h) that fits actuator rates best, where they determine it."""
-        return (self.twists @ (self.right.T / self.gains)) @ self.left.T
+        return self.twists.dot(self.right.T / self.gains).dot(self.left.T)
 
 
 def kept_constraints(sigma: FloatArray, compliance: float) -> int:
     """Return how many of the singular values ``sigma`` (largest first) are not absorbed."""
-    values = sigma.tolist()
+    values: list[float] = sigma.tolist()
     if not values:
         return 0
     threshold = max(compliance, RANK_TOLERANCE * values[0])
+    if values[-1] > threshold:
+        return len(values)
     return sum(value > threshold for value in values)
 
 
@@ -96,5 +98,5 @@ def freedom(structure: Structure, actuator_rows: FloatArray, kept: int) -> Freed
     kept : int
     """
     twists = structure.right[kept:].T
-    rates = actuator_rows @ twists
+    rates = actuator_rows.dot(twists)
     return Freedom(twists, rates, *decomposed(rates))

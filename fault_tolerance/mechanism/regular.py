@@ -66,19 +66,16 @@ class StrutInverses:
     Attributes
     ----------
     joints : (s, k, 6) array
-        Rows that give the rates of all joints for a scaled twist freed of its part along the
-        strut's structure.
+        Rows that give the rates of all joints for a scaled twist, at right angles to the
+        structure of the strut: what that bars counts for nothing.
     structure : (g, 6) array
         ``0 = structure @ V``; orthonormal within each strut, in the order of the struts.
-    by_strut : (s, c, 6) array
-        The same, strut by strut, zero rows where a strut has fewer.
     actuator_rows : (N, 6) array
         ``q'_a = actuator_rows @ V``, at right angles to the structure of the strut.
     """
 
     joints: FloatArray
     structure: FloatArray
-    by_strut: FloatArray
     actuator_rows: FloatArray
 
     def joint_rates(self, twists: FloatArray) -> FloatArray:
@@ -86,15 +83,8 @@ class StrutInverses:
 
         One twist for each strut, of which it follows all that its structure does not bar.
         """
-        normals = self.by_strut
-        if normals.shape[1] == 1:
-            normals = normals[:, 0]
-            along = np.einsum('ij,ij->i', normals, twists)
-            twists = twists - along[:, None] * normals
-        elif normals.shape[1]:
-            along = np.matmul(normals, twists[..., None])
-            twists = twists - np.matmul(along.swapaxes(1, 2), normals)[:, 0]
-        return np.asarray(np.matmul(self.joints, twists[..., None])[..., 0])
+        rates: FloatArray = np.matmul(self.joints, twists[..., None])[..., 0]
+        return rates
 
 
 class RegularStruts:
@@ -199,21 +189,20 @@ class RegularStruts:
         """Return what the struts say at ``placement``; None where they are nearly singular."""
         columns = np.matmul(placement.adjoints[:-1], self._screws)[..., 0]
         matrices = self._filling.copy()
-        matrices[:, :, : len(columns)] += columns.transpose(1, 2, 0)
+        filled = matrices[:, :, : len(columns)]
+        np.add(filled, columns.transpose(1, 2, 0), out=filled)
         try:
-            inverses: FloatArray = np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+            inverses: FloatArray = np.linalg.inv(matrices)
         except np.linalg.LinAlgError:
             return None
         if not self._well_conditioned(matrices, inverses):
             return None
         structure, by_strut = self._structure(inverses)
         joints = inverses[:, : len(columns)] * self._reciprocal
-        rows = joints[self.places]
         if self._widest:
-            normals = by_strut[self.places[0]]
-            along = np.matmul(normals, rows[:, :, None])
-            rows -= (along * normals).sum(axis=1)
-        return StrutInverses(joints, structure, by_strut, rows)
+            along = np.matmul(joints, by_strut.transpose(0, 2, 1))
+            joints -= np.matmul(along, by_strut)
+        return StrutInverses(joints, structure, joints[self.places])
 
     def _openings(self, pose: FloatArray, tips: FloatArray) -> FloatArray:
         """Return the scaled openings (s, 6) from the adjoints of the tips (s, 6, 6)."""
@@ -241,9 +230,9 @@ class RegularStruts:
         if self._widest == 0:
             return np.zeros((0, 6)), np.zeros((count, 0, 6))
         if self._uniform and self._widest == 1:
-            rows = inverses[:, 5]
-            rows = rows / np.sqrt(np.einsum('ij,ij->i', rows, rows))[:, None]
-            return rows, rows[:, None]
+            rows = inverses[:, 5:]
+            rows = rows / np.sqrt(np.matmul(rows, rows.transpose(0, 2, 1)))
+            return rows[:, 0], rows
         owner, slot = self._normals
         by_strut = np.zeros((count, self._widest, 6))
         for gap in np.unique(self.gaps[self.gaps > 0]).tolist():

@@ -5,8 +5,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,9 @@ class State:
     constraints : StrutConstraints
     regular : RegularStruts or None
         What the next evaluation may take the short way with.
+    steps : dict
+        The ways on from here (`fault_tolerance.mechanism.tracking`), as far as they were asked
+        for.
     """
 
     chains: Chains
@@ -47,6 +51,7 @@ class State:
     openings: FloatArray
     constraints: StrutConstraints
     regular: RegularStruts | None
+    steps: dict[tuple[tuple[str, ...], int], Any] = field(default_factory=dict, repr=False)
 
     @cached_property
     def screws(self) -> FloatArray:

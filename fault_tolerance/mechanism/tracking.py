@@ -12,12 +12,14 @@ anew, once, and the same evaluation certifies what was found (docs/theory.md, se
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite, sqrt
 
 import numpy as np
 
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.attachment import Attachment
+from fault_tolerance.mechanism.chains import Chains
 from fault_tolerance.mechanism.linear_algebra import length
 from fault_tolerance.mechanism.regular import StrutInverses
 from fault_tolerance.mechanism.screws import displaced_by
@@ -37,17 +39,31 @@ class Closed:
     Attributes
     ----------
     state : State
-    residual, strain : float
-        Metres open outside, and along, the directions that flexures absorb.
+    attachment : Attachment
+        The struts that were closed.
+    kept : int
+        How many of their structural constraints the flexures do not absorb.
     converged : bool
     iterations : int
     """
 
     state: State
-    residual: float
-    strain: float
+    attachment: Attachment
+    kept: int
     converged: bool
     iterations: int
+
+    @cached_property
+    def open(self) -> tuple[float, float]:
+        """Metres open outside, and along, the directions that flexures absorb."""
+        return self.state.residuals(self.attachment, self.kept)
+
+    @property
+    def closes(self) -> bool:
+        """Whether nothing is open but what the flexures absorb."""
+        if self.attachment.complete and length(self.state.openings) <= CLOSURE_TOLERANCE:
+            return True  # what is open outside some directions is a part of all that is
+        return self.open[0] <= CLOSURE_TOLERANCE
 
 
 def tracked(
@@ -68,10 +84,11 @@ def tracked(
     """
     state, iterations = start, 0
     unit = start.chains.length
+    shortest = last_step * unit
     kept = state.constraints.structure_of(attachment).kept(compliance)
     for _ in range(_MOST_EVALUATIONS):
         regular = state.regular
-        steps = _Steps.at(state, attachment, kept)
+        steps = steps_from(state, attachment, kept)
         if regular is None or steps is None:
             return None
         pose, values, openings, travelled = state.pose, state.joint_values, state.openings, 0.0
@@ -85,12 +102,12 @@ def tracked(
             values = values + rates
             placement = regular.placed(pose, values)
             openings = placement.openings
-            arrived = step * travelled <= (last_step * unit) ** 2
-            if arrived and travelled > last_step * unit:
+            arrived = step * travelled <= shortest**2
+            if arrived and travelled > shortest:
                 # Readings in contradiction are weighed against each other by what the drives do
                 # here, which is not quite what they did where the decompositions were made.
                 misfit = steps.misfit(target, values)
-                arrived = misfit * travelled <= (last_step * unit) ** 2
+                arrived = misfit * travelled <= shortest**2
             if arrived:
                 break
         found = placed_state(state.chains, regular, placement)
@@ -99,29 +116,44 @@ def tracked(
         freedom = kept
         state = found
         kept = state.constraints.structure_of(attachment).kept(compliance)
-        residual, strain = state.residuals(attachment, kept)
         # In an overconstrained mechanism the freedom to fit shows only once the loops close.
-        if arrived and residual <= CLOSURE_TOLERANCE and kept == freedom:
-            return Closed(state, residual, strain, True, iterations)
+        if arrived and kept == freedom:
+            closed = Closed(state, attachment, kept, True, iterations)
+            if closed.closes:
+                return closed
     return None
 
 
+def steps_from(state: State, attachment: Attachment, kept: int) -> Steps | None:
+    """Return the steps away from ``state``, made once; None where they are not that simple."""
+    made = state.steps
+    key = attachment.lost, kept
+    if key not in made:
+        made[key] = Steps.at(state, attachment, kept)
+    found: Steps | None = made[key]
+    return found
+
+
 @dataclass(frozen=True, eq=False)
-class _Steps:
+class Steps:
     """The Gauss-Newton steps that the decompositions at one state give.
 
-    `closing` (6, g) turns the misclosures of ``rows`` (g, 6) into the twist that mends them,
-    `fit` (6, h) the errors of the actuators into the one that fits them.
+    `closing` (6, g) turns the misclosures of ``structure`` (g, 6), rows of ``struts`` (g,), into
+    the twist that mends them, `fit` (6, h) the errors of the actuators, whose ``rows`` are
+    (h, 6), into the one that fits them.
     """
 
     attachment: Attachment
-    state: State
+    chains: Chains
     inverses: StrutInverses
+    structure: FloatArray
+    struts: IntArray
     closing: FloatArray | None
+    rows: FloatArray
     fit: FloatArray
 
     @classmethod
-    def at(cls, state: State, attachment: Attachment, kept: int) -> _Steps | None:
+    def at(cls, state: State, attachment: Attachment, kept: int) -> Steps | None:
         """Return the steps at ``state``; None where they are not that simple."""
         constraints = state.constraints
         if constraints.inverses is None:
@@ -133,11 +165,17 @@ class _Steps:
         if kept:
             scaled = structure.left[:, :kept] / -structure.sigma[:kept]
             closing = structure.right[:kept].T.dot(scaled.T)
-        return cls(attachment, state, constraints.inverses, closing, freedom.fit)
+        inverses, rows = constraints.inverses, constraints.inverses.actuator_rows
+        if not attachment.complete:
+            rows = rows[attachment.places]
+        return cls(
+            attachment, state.chains, inverses, structure.rows, structure.struts, closing, rows,
+            freedom.fit,
+        )
 
     def misfit(self, target: FloatArray, values: FloatArray) -> float:
         """Return how far the joint values (s, k) are from the target, metres."""
-        chains = self.state.chains
+        chains = self.chains
         off = (target - values[chains.places]) * chains.drive_sizes
         return length(off if self.attachment.complete else off[self.attachment.places])
 
@@ -145,25 +183,22 @@ class _Steps:
         self, target: FloatArray, values: FloatArray, openings: FloatArray
     ) -> tuple[FloatArray, FloatArray, float]:
         """Return the scaled twist (6,), the joint rates (s, k) and the length of one step."""
-        inverses, attachment, chains = self.inverses, self.attachment, self.state.chains
-        struts, joints = chains.places
-        actuators, rows = values[chains.places], inverses.actuator_rows
+        attachment, chains = self.attachment, self.chains
+        error = target - values[chains.places]
+        ways = openings
         if not attachment.complete:
-            held = attachment.places
-            struts, target = struts[held], target[held]
-            actuators, rows = actuators[held], rows[held]
-        error = target - actuators
-        ways = openings[struts]
+            error = error[attachment.places]
+        struts = chains.places[0]
         if self.closing is not None:
-            structure = self.state.constraints.structure_of(attachment)
-            misclosure = np.einsum('ij,ij->i', structure.rows, openings[structure.struts])
+            misclosure = np.einsum('ij,ij->i', self.structure, openings[self.struts])
             closing = self.closing.dot(misclosure)
-            error -= np.einsum('ij,ij->i', rows, ways + closing)
-            twist = closing + self.fit.dot(error)
-        else:
-            error -= np.einsum('ij,ij->i', rows, ways)
-            twist = self.fit.dot(error)
-        rates = inverses.joint_rates(openings + twist)
+            ways = openings + closing
+        ways = ways[struts if attachment.complete else struts[attachment.places]]
+        error -= np.einsum('ij,ij->i', self.rows, ways)
+        twist = self.fit.dot(error)
+        if self.closing is not None:
+            twist += closing
+        rates = self.inverses.joint_rates(openings + twist)
         driven = rates[chains.places] * chains.drive_sizes
         if not attachment.complete:
             driven = driven[attachment.places]
