@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from fault_tolerance.control.limits import (
     rate_bounds,
     singularity_scale,
 )
-from fault_tolerance.control.resolved_rate import ResolvedRate, TaskInverse, task_inverse
+from fault_tolerance.control.resolved_rate import RateResolver, ResolvedRate, TaskInverse
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Transition
 from fault_tolerance.kinematics.differential import (
@@ -52,6 +53,9 @@ class CommandLaw:
         self._mechanism = mechanism
         self._settings = settings
         self._twist_scale, self._rate_scale = _scales(mechanism)
+        self._resolver = RateResolver(
+            mechanism.task, twist_scale=self._twist_scale, rate_scale=self._rate_scale
+        )
         self._inverse: TaskInverse | None = None
         self._near_singular = False
         self.slowed = False
@@ -75,9 +79,7 @@ class CommandLaw:
 
     def foreseen(self, kinematics: DifferentialKinematics) -> TaskInverse:
         """Return what `inverse` would, and remember nothing of it."""
-        return task_inverse(
-            kinematics, twist_scale=self._twist_scale, rate_scale=self._rate_scale
-        )
+        return self._resolver.inverse(kinematics)
 
     def adopt(self, inverse: TaskInverse) -> None:
         """Use ``inverse`` when its kinematics are those to go by."""
@@ -132,7 +134,7 @@ class CommandLaw:
             lambda way: limited_rate(way, bounds, names),
         )
         command = limited.command
-        if not (np.isfinite(command.rates).all() and np.isfinite(command.twist).all()):
+        if not isfinite(float(command.rates.sum() + command.twist.sum())):
             raise ArithmeticError('the command is not finite')
         return limited
 

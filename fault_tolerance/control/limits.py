@@ -78,7 +78,7 @@ def rate_bounds(mechanism: Mechanism, values: FloatArray, stroke_gain: float) ->
     speed, ends = _constants(mechanism)
     # The way to both ends, (2, N).
     ways = np.maximum(stroke_gain * (ends + _BOTH_WAYS * values), 0.0)
-    if isfinite(float(values.sum())):
+    if isfinite(float(values.dot(values))):
         np.minimum(ways, speed, out=ways)
         return RateBounds(-ways[0], ways[1])
     down, up = np.fmax(ways, 0.0)
@@ -115,7 +115,7 @@ def limited_rate(
     """
     if scale == 1.0:
         rates = resolved.rates
-        if ((rates >= bounds.lower) & (rates <= bounds.upper)).all():
+        if np.logical_and.reduce((rates >= bounds.lower) & (rates <= bounds.upper)):
             return LimitedRate(resolved, scale, 1.0, ())
     rate_map = resolved.kinematics.rate_map
     major = _without_rounding(scale * (rate_map @ resolved.major))

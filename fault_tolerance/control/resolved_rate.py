@@ -27,7 +27,7 @@ from fault_tolerance.kinematics.measures import CONDITION_CAP
 from fault_tolerance.kinematics.subspaces import rank_of
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
 from fault_tolerance.mechanism.linear_algebra import decomposed, length
-from fault_tolerance.mechanism.task import COORDINATES
+from fault_tolerance.mechanism.task import COORDINATES, Task
 
 SINGULAR_BELOW = 5e-4
 """Directions with a smaller transmission are not driven: nothing so small is ever inverted."""
@@ -75,12 +75,12 @@ class ResolvedRate:
     @cached_property
     def rates(self) -> FloatArray:
         """Rates of all actuators in the mechanism's order, (N,); free ones as they follow."""
-        return _frozen(self.kinematics.rate_map @ self.reduced)
+        return _frozen(self.kinematics.rate_map.dot(self.reduced))
 
     @cached_property
     def achieved(self) -> FloatArray:
         """The task velocity that the rates give, (l,)."""
-        return _frozen(self.kinematics.jacobian @ self.reduced)
+        return _frozen(self.kinematics.jacobian.dot(self.reduced))
 
     @cached_property
     def residual(self) -> FloatArray:
@@ -93,7 +93,7 @@ class ResolvedRate:
 
         For a mechanism given by numbers, zero outside the task.
         """
-        twist = self.kinematics.twist_jacobian @ self.reduced
+        twist = self.kinematics.twist_jacobian.dot(self.reduced)
         if len(twist) != len(COORDINATES):
             twist = np.zeros(len(COORDINATES))
             twist[self.kinematics.task.rows] = self.achieved
@@ -151,34 +151,25 @@ class TaskInverse:
         """
         count = len(self.kinematics.task.coordinates)
         asked = frozen_array(velocity, (count,), 'task velocity')
-        # The size is taken out first, so that a huge velocity overflows nowhere on the way.
         size = max(map(abs, asked.tolist()))
-        unit = asked / size if size > 0.0 else asked
-        size = min(size, LARGEST_SPEED)
+        # A huge velocity must overflow nowhere on the way.
+        bounded = asked if size <= LARGEST_SPEED else LARGEST_SPEED * (asked / size)
         return ResolvedRate(
             kinematics=self.kinematics,
             velocity=asked,
-            major=_frozen(size * (self.major @ unit)),
-            secondary=_frozen(size * (self.secondary @ unit)),
+            major=_frozen(self.major.dot(bounded)),
+            secondary=_frozen(self.secondary.dot(bounded)),
             rank=self.rank,
             transmission=self.transmission,
         )
 
 
-def task_inverse(
-    kinematics: DifferentialKinematics,
-    *,
-    twist_scale: FloatArray | None = None,
-    rate_scale: FloatArray | None = None,
-    singular_below: float = SINGULAR_BELOW,
-    poor_below: float = POOR_BELOW,
-) -> TaskInverse:
-    """Return what resolves task velocities (docs/theory.md, eq. 22).
+class RateResolver:
+    """Makes `TaskInverse` of kinematics (docs/theory.md, eq. 22).
 
     Parameters
     ----------
-    kinematics : DifferentialKinematics
-        Of the mechanism as it is, failures included.
+    task : Task
     twist_scale : (l,) array, optional
         Turns task velocities into metres per second; ones by default.
     rate_scale : (N,) array, optional
@@ -188,44 +179,59 @@ def task_inverse(
     poor_below : float
         See `POOR_BELOW`.
     """
-    task = kinematics.task
-    rows, others = task.major_rows, task.secondary_rows
-    weights = np.ones(len(task.coordinates)) if twist_scale is None else twist_scale
-    unit = _common(rate_scale)
-    secondary_rows = kinematics.secondary * weights[others, None]
-    if unit is None:
-        coordinates = drive_coordinates(kinematics, rate_scale)
-        left, sigma, right = decomposed((weights[rows, None] * kinematics.major) @ coordinates)
-        secondary_rows = secondary_rows @ coordinates
-    else:
-        # Coordinates differ from the reduced rates by a factor only.
-        left, sigma, right = kinematics.decomposed_major(weights[rows])
-        sigma, secondary_rows = sigma / unit, secondary_rows / unit
-    values = sigma.tolist()
-    driven = sum(value > singular_below for value in values)
-    # Per task velocity in metres per second, in the coordinates of the drives.
-    major = np.zeros((len(right), len(weights)))
-    major[:, rows] = (right[:driven].T / sigma[:driven]).dot(left[:, :driven].T)
 
-    secondary = np.zeros_like(major)
-    free = right[rank_of(sigma, max([1.0, *values[:1]])) :].T
-    if others.size and free.shape[1]:
-        missing = -secondary_rows.dot(major)
-        missing[np.arange(len(others)), others] += 1.0
-        least = max([singular_below, *(poor_below * value for value in values[:1])])
-        inverse = _bounded_inverse(secondary_rows.dot(free), least)
-        secondary = free.dot(inverse.dot(missing))
-    if unit is None:
-        major, secondary = coordinates @ major, coordinates @ secondary
-    else:
-        weights = weights / unit
-    return TaskInverse(
-        kinematics,
-        _frozen(major * weights),
-        _frozen(secondary * weights),
-        driven,
-        _smallest(sigma, len(rows)),
-    )
+    def __init__(
+        self,
+        task: Task,
+        *,
+        twist_scale: FloatArray | None = None,
+        rate_scale: FloatArray | None = None,
+        singular_below: float = SINGULAR_BELOW,
+        poor_below: float = POOR_BELOW,
+    ) -> None:
+        weights = np.ones(len(task.coordinates)) if twist_scale is None else twist_scale
+        weighted = np.diag(weights)
+        self._weights = weights[task.major_rows]
+        # What takes the major, and the secondary, part of a task velocity, in metres per second.
+        self._major, self._secondary = weighted[task.major_rows], weighted[task.secondary_rows]
+        self._rate_scale = rate_scale
+        self._unit = _common(rate_scale)
+        self._singular_below = singular_below
+        self._poor_below = poor_below
+
+    def inverse(self, kinematics: DifferentialKinematics) -> TaskInverse:
+        """Return what resolves task velocities with ``kinematics``, failures included."""
+        unit, coordinates = self._unit, None
+        jacobian = kinematics.jacobian
+        if unit is None:
+            coordinates = drive_coordinates(kinematics, self._rate_scale)
+            jacobian = jacobian.dot(coordinates)
+            left, sigma, right = decomposed(self._major.dot(jacobian))
+        else:
+            # Coordinates differ from the reduced rates by a factor only.
+            left, sigma, right = kinematics.decomposed_major(self._weights)
+            if unit != 1.0:
+                sigma, jacobian = sigma / unit, jacobian / unit
+        values: list[float] = sigma.tolist()
+        best = values[0] if values else 0.0
+        driven = sum(value > self._singular_below for value in values)
+        # Per task velocity, in the coordinates of the drives.
+        major = (right[:driven].T / sigma[:driven]).dot(left[:, :driven].T).dot(self._major)
+        rank = rank_of(sigma, max(1.0, best))
+        if rank < len(right) and len(self._secondary):
+            free = right[rank:].T
+            rows = self._secondary.dot(jacobian)
+            least = max(self._singular_below, self._poor_below * best)
+            inverse = _bounded_inverse(rows.dot(free), least)
+            secondary = free.dot(inverse.dot(self._secondary - rows.dot(major)))
+        else:
+            secondary = np.zeros(major.shape)
+        if coordinates is not None:
+            major, secondary = coordinates.dot(major), coordinates.dot(secondary)
+        elif unit != 1.0:
+            major, secondary = major / unit, secondary / unit
+        smallest = values[-1] if len(values) == len(self._weights) else 0.0
+        return TaskInverse(kinematics, _frozen(major), _frozen(secondary), driven, smallest)
 
 
 def _common(rate_scale: FloatArray | None) -> float | None:
@@ -244,9 +250,8 @@ def _bounded_inverse(matrix: FloatArray, least: float) -> FloatArray:
     """
     if len(matrix) == 1:
         size = length(matrix)
-        if size <= least:
-            return np.zeros_like(matrix.T)
-        return np.asarray(matrix.T / size * (min(size / least - 1.0, 1.0) / size))
+        factor = min(size / least - 1.0, 1.0) / size**2 if size > least else 0.0
+        return matrix.T * factor
     left, gains, mixed = decomposed(matrix)
     kept = int((gains > least).sum())
     inverse = np.minimum(gains[:kept] / least - 1.0, 1.0) / gains[:kept]
@@ -262,21 +267,21 @@ def resolved_rate(
     singular_below: float = SINGULAR_BELOW,
     poor_below: float = POOR_BELOW,
 ) -> ResolvedRate:
-    """Return the actuator rates for one task velocity (l,): see `task_inverse`.
+    """Return the actuator rates for one task velocity (l,): see `RateResolver`.
 
     Raises
     ------
     ArrayError
         If the velocity has the wrong length or is not finite.
     """
-    inverse = task_inverse(
-        kinematics,
+    resolver = RateResolver(
+        kinematics.task,
         twist_scale=twist_scale,
         rate_scale=rate_scale,
         singular_below=singular_below,
         poor_below=poor_below,
     )
-    return inverse.resolved(velocity)
+    return resolver.inverse(kinematics).resolved(velocity)
 
 
 def drive_coordinates(

@@ -23,9 +23,13 @@ from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.attachment import Attachment, attachment_of
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.freedom import kept_constraints
-from fault_tolerance.mechanism.linear_algebra import decomposed, length
+from fault_tolerance.mechanism.linear_algebra import decomposed, length, row_products
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.tolerances import ROUNDING_TOLERANCE
+
+
+_NONE = np.zeros((6, 0))
+_NONE.setflags(write=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +101,10 @@ class DifferentialKinematics:
         All right directions included; kept, as verdict and rates both ask for it.
         """
         kept = self.derived.setdefault('major', {})
-        found: tuple[FloatArray, FloatArray, FloatArray] | None = kept.get(weights.tobytes())
+        key = weights.tobytes()
+        found: tuple[FloatArray, FloatArray, FloatArray] | None = kept.get(key)
         if found is None:
-            found = kept[weights.tobytes()] = decomposed(self.major * weights[:, None])
+            found = kept[key] = decomposed(self.major * weights[:, None])
         return found
 
     @cached_property
@@ -143,7 +148,7 @@ def differential_kinematics(
             known = freedom.left, freedom.gains, freedom.right
     # Motions are unit vectors in metres per second: rates are small or not compared with that,
     # so that a drive which does not move at all is not mistaken for a slow one.
-    scale = max(1.0, length(rates * rows.rate_scale[:, None]))
+    scale = max(1.0, _size_of_rates(rates, rows))
     if len(part.stuck):
         stuck = part.stuck
         unlocked = null_space(rates[stuck] * rows.rate_scale[stuck, None], scale)
@@ -155,14 +160,14 @@ def differential_kinematics(
     left, sigma, right = known or decomposed(rates[active])
     rank = rank_of(sigma, scale)
     dimension = len(rows.twist_scale)
-    unactuated = np.zeros((dimension, 0))
-    if rank < twists.shape[1]:
+    if rank == twists.shape[1]:
+        unactuated = _NONE[:dimension]
+        twists = twists / rows.twist_scale[:, None]
+    else:
         unactuated = _independent(twists @ right[rank:].T) / rows.twist_scale[:, None]
-    twists = twists / rows.twist_scale[:, None]
-    if rank < twists.shape[1]:
         # What the drives do not determine is chosen as the shortest motion, which needs an
         # orthonormal basis to have a meaning. The rank was decided above, whatever the units.
-        basis, _ = np.linalg.qr(np.vstack([twists, rates]))
+        basis, _ = np.linalg.qr(np.vstack([twists / rows.twist_scale[:, None], rates]))
         twists, rates = basis[:dimension], basis[dimension:]
         left, sigma, right = decomposed(rates[active])
     per_rate = right[:rank].T / sigma[:rank]
@@ -171,12 +176,12 @@ def differential_kinematics(
     else:
         mapping = np.zeros((len(rates), rank))
         mapping[active] = left[:, :rank]
-        rate_map = rates @ per_rate
+        rate_map = rates.dot(per_rate)
         rate_map[active] = left[:, :rank]
-    twist_jacobian = _without_noise(twists @ per_rate, mapping, rows)
+    twist_jacobian = _without_noise(twists.dot(per_rate), mapping, rows)
     return DifferentialKinematics(
         rows.mechanism.task,
-        twist_jacobian[rows.task_rows],
+        twist_jacobian.take(rows.task_rows, 0),
         mapping,
         twist_jacobian,
         rate_map,
@@ -265,13 +270,19 @@ def _without_noise(
     Otherwise rounding errors would pass for motion where there is nothing to compare them with.
     """
     scaled = twist_jacobian * rows.twist_scale[:, None]
-    squares = np.einsum('ij,ij->i', scaled, scaled)
-    drives = mapping * rows.rate_scale[:, None]
-    size = max(length(drives) ** 2, float(squares.sum()))
-    still = squares <= ROUNDING_TOLERANCE**2 * size
-    if still.any():
-        twist_jacobian[still] = 0.0
+    squares: list[float] = row_products(scaled, scaled).tolist()
+    least = ROUNDING_TOLERANCE**2 * max(_size_of_rates(mapping, rows) ** 2, sum(squares))
+    if squares and min(squares) <= least:
+        twist_jacobian[[square <= least for square in squares]] = 0.0
     return twist_jacobian
+
+
+def _size_of_rates(rates: FloatArray, rows: StrutRows) -> float:
+    """Return the norm of rates (N, c) in metres per second."""
+    scale = rows.rate_scale
+    if rows.mechanism.rates_alike:
+        return float(scale[0]) * length(rates)
+    return length(rates * scale[:, None])
 
 
 def _independent(twists: FloatArray) -> FloatArray:

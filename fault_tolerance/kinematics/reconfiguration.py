@@ -139,8 +139,14 @@ def _is_sound(rows: StrutRows, kinematics: DifferentialKinematics) -> bool:
     if len(sigma) < len(weights):
         return False
     # Then no major row depends on those before it either: all that they leave of it is longer.
-    size = length(kinematics.twist_jacobian * rows.twist_scale[:, None])
-    return float(sigma[-1]) > RANK_TOLERANCE * size
+    smallest = float(sigma[-1])
+    # Rotations count by a length: their scale is the largest, or 1.
+    most = max(1.0, float(rows.twist_scale[0]))
+    if smallest > RANK_TOLERANCE * most * length(kinematics.twist_jacobian):
+        return True
+    return smallest > RANK_TOLERANCE * length(
+        kinematics.twist_jacobian * rows.twist_scale[:, None]
+    )
 
 
 def failures_in_words(failures: FailureSet) -> str:

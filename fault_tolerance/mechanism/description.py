@@ -238,6 +238,11 @@ class Mechanism:
         scale = [length if one.kind == 'revolute' else 1.0 for one in self.actuators]
         return frozen_array(scale, (len(scale),), 'scale')
 
+    @cached_property
+    def rates_alike(self) -> bool:
+        """Whether one number turns all joint rates into metres per second."""
+        return len(set(self.rate_scale.tolist())) == 1
+
     def actuator_index(self, name: str) -> int:
         """Return the place of the actuator ``name``; ValueError if there is none."""
         return self.actuator_names.index(name)

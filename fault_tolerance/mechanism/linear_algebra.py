@@ -58,6 +58,12 @@ def singular_values(matrix: FloatArray) -> FloatArray:
     return np.asarray(sigma)
 
 
+def row_products(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return the scalar products (r,) of the rows of two arrays (r, c)."""
+    products: FloatArray = (first * second).dot(np.ones(first.shape[1]))
+    return products
+
+
 def length(array: FloatArray) -> float:
     """Return the Euclidean (Frobenius) norm of ``array``."""
     flat = array.ravel()

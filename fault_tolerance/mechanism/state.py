@@ -19,7 +19,7 @@ from fault_tolerance.mechanism.constraints import (
     regular_constraints,
     strut_constraints,
 )
-from fault_tolerance.mechanism.linear_algebra import length
+from fault_tolerance.mechanism.linear_algebra import length, row_products
 from fault_tolerance.mechanism.regular import Placement, RegularStruts
 from fault_tolerance.mechanism.screws import difference
 
@@ -75,7 +75,7 @@ class State:
         if not len(structure.rows):
             return length(rest), 0.0
         rows, struts = structure.rows, structure.struts
-        misclosure = np.einsum('ij,ij->i', rows, self.openings[struts])
+        misclosure = row_products(rows, self.openings[struts])
         left = structure.left[:, :kept]
         strain = misclosure - left.dot(misclosure.dot(left))
         along = rows * strain[:, None]

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, sqrt
 
-import numpy as np
-
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.attachment import Attachment
 from fault_tolerance.mechanism.chains import Chains
-from fault_tolerance.mechanism.linear_algebra import length
+from fault_tolerance.mechanism.linear_algebra import length, row_products
 from fault_tolerance.mechanism.regular import StrutInverses
 from fault_tolerance.mechanism.screws import displaced_by
 from fault_tolerance.mechanism.state import State, placed_state
@@ -190,11 +188,11 @@ class Steps:
             error = error[attachment.places]
         struts = chains.places[0]
         if self.closing is not None:
-            misclosure = np.einsum('ij,ij->i', self.structure, openings[self.struts])
+            misclosure = row_products(self.structure, openings[self.struts])
             closing = self.closing.dot(misclosure)
             ways = openings + closing
         ways = ways[struts if attachment.complete else struts[attachment.places]]
-        error -= np.einsum('ij,ij->i', self.rows, ways)
+        error -= row_products(self.rows, ways)
         twist = self.fit.dot(error)
         if self.closing is not None:
             twist += closing

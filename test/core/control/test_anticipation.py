@@ -137,7 +137,7 @@ def test_with_an_entry_no_kinematics_are_derived_on_a_report(monkeypatch):
 
     for target in (
         'control.judgement.reconfigured', 'control.assessment.fitted_configuration',
-        'control.assessment.present_measures', 'control.command.task_inverse',
+        'control.assessment.present_measures', 'control.command.RateResolver.inverse',
     ):
         monkeypatch.setattr(f'fault_tolerance.{target}', fail)
     output = failing(supervisor, 'position', 'theta_4')
