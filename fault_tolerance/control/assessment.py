@@ -159,6 +159,12 @@ class Assessor:
             if post.rows is prospect.fit.rows:
                 self._nominal = post.nominal
 
+    def prepare(self) -> None:
+        """Work out what the way on from here will need, before it is needed."""
+        configuration = self._fit.configuration
+        if configuration is not None and not self._fit.unclosed:
+            configuration.prepare()
+
     def _fitted(self, values: FloatArray, failures: FailureSet) -> Fit:
         read = without_lost(self._mechanism, values, failures)
         last = self._fit.configuration

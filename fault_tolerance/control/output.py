@@ -8,13 +8,40 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fault_tolerance.control.ledger import LedgerClear
+from fault_tolerance.control.limits import LimitedRate
 from fault_tolerance.control.notices import Notice
-from fault_tolerance.control.recovery import State
+from fault_tolerance.control.recovery import Decision, State
 from fault_tolerance.control.transition import Jump
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import Configuration
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """What the drives wait for, before all else that is to be known of it.
+
+    Attributes
+    ----------
+    rates : (N,) array
+        See `Output`.
+    achieved : (6,) array
+        See `Output`.
+    decision : Decision
+    time : float
+    limited : LimitedRate or None
+        What the rates are of; None where everything rests.
+    sound : bool
+        False after an internal error.
+    """
+
+    rates: FloatArray
+    achieved: FloatArray
+    decision: Decision
+    time: float
+    limited: LimitedRate | None
+    sound: bool = True
 
 
 @dataclass(frozen=True, eq=False)

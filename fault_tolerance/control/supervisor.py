@@ -20,10 +20,9 @@ from fault_tolerance.control.assessment import Assessment, Assessor, without_los
 from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.inputs import WatchedInput
 from fault_tolerance.control.ledger import FailureLedger, LedgerUpdate
-from fault_tolerance.control.limits import LimitedRate
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
-from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
+from fault_tolerance.control.output import ClearOutcome, Command, Output, clear_outcome
 from fault_tolerance.control.plausibility import Plausibility
 from fault_tolerance.control.readings import unusable
 from fault_tolerance.control.recovery import Conditions, Decision, State, StateMachine
@@ -39,6 +38,7 @@ MOST_ERRORS = 3
 """Internal errors in a row after which the controller stops."""
 
 _WAITING = 'no joint state yet'
+_NO_TWIST = frozen_array(np.zeros(6), (6,), 'twist')
 
 
 class Supervisor:
@@ -85,7 +85,11 @@ class Supervisor:
         self._now = -inf
         self._reported_at: float | None = None
         self._recovery_time = 0.0
-        self._output = self._result(self._machine.decide(Conditions(waiting=_WAITING)), self._now)
+        count = len(mechanism.actuators)
+        self._rest = frozen_array(np.zeros(count), (count,), 'rates')
+        self._unseen: FloatArray | None = None
+        self._given = self._resting(self._machine.decide(Conditions(waiting=_WAITING)), self._now)
+        self._output = self._result(self._given)
 
     @property
     def failures(self) -> FailureSet:
@@ -172,25 +176,45 @@ class Supervisor:
 
     def step(self, now: float) -> Output:
         """Return the command for the inputs at hand. Never raises; the rates are finite."""
+        self.command(now)
+        return self.settled()
+
+    def command(self, now: float) -> Command:
+        """Return what the drives wait for; `settled` is to be called when it is on its way.
+
+        Never raises; the rates are finite.
+        """
         self._pass_time(now)
         try:
-            self._output = self._cycle(now)
-            self._errors = 0
+            self._given = self._cycle(now)
         except Exception as error:  # whatever it is, the mechanism must come to rest
-            self._errors += 1
-            text = clean(f'internal error: {type(error).__name__}: {error}')
-            stop = text if self._errors >= MOST_ERRORS else self._ledger.stop_reason
-            decision = self._machine.decide(Conditions(stop=stop, hold=text))
-            self._output = self._result(decision, now)
-        given = self._output
+            self._given = self._halted(error, now)
+        if self._reported_at is not None and self.settings.clock is not None:
+            self._recovery_time = self.settings.clock() - self._reported_at
+            self._reported_at = None
+        return self._given
+
+    def settled(self) -> Output:
+        """Return all there is to know of the last command, with what could wait until now.
+
+        Should that fail, the output rests though the command did not.
+        """
+        given = self._given
+        try:
+            self._look_back(given.time)
+            if given.sound:
+                self._errors = 0
+        except Exception as error:
+            given = self._given = self._halted(error, given.time)
         self._transition.passed(
             given.rates,
             given.achieved[self.mechanism.task.rows],
-            given.failures,
-            now,
-            moves=given.state in (State.NOMINAL, State.DEGRADED),
+            self.failures,
+            given.time,
+            moves=given.decision.moves,
         )
-        return given
+        self._output = self._result(given)
+        return self._output
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
@@ -207,10 +231,10 @@ class Supervisor:
             return False
         return self._table.refresh_next(values, self.failures)
 
-    def _cycle(self, now: float) -> Output:
+    def _cycle(self, now: float) -> Command:
         values = self._readings.value
         if self._outdated and values is not None:
-            self._assess(values, now)
+            self._assess(values)
         assessment = self._assessment
         stop = self._ledger.stop_reason or (assessment.intolerance if assessment else '')
         hold = self._hold_reason(now)
@@ -230,27 +254,40 @@ class Supervisor:
             )
         )
         if values is None or resolved is None or not decision.moves:
-            return self._result(decision, now)
+            return self._resting(decision, now)
         limited = self._law.limited(
             resolved,
             without_lost(self.mechanism, values, self.failures),
             lambda target, within: self._transition.eased(target, within, self.failures, now),
         )
-        return self._result(decision, now, limited)
+        return Command(limited.command.rates, limited.command.twist, decision, now, limited)
 
-    def _assess(self, values: FloatArray, now: float) -> None:
+    def _resting(self, decision: Decision, now: float, *, sound: bool = True) -> Command:
+        return Command(self._rest, _NO_TWIST, decision, now, None, sound)
+
+    def _halted(self, error: Exception, now: float) -> Command:
+        """Return the command after an internal error; with the third in a row it stops."""
+        self._errors += 1
+        text = clean(f'internal error: {type(error).__name__}: {error}')
+        stop = text if self._errors >= MOST_ERRORS else self._ledger.stop_reason
+        return self._resting(self._machine.decide(Conditions(stop=stop, hold=text)), now,
+                             sound=False)
+
+    def _look_back(self, now: float) -> None:
+        """See whether the readings just used agree with what was commanded before."""
+        read, self._unseen = self._unseen, None
+        if read is not None and self.settings.recovery:
+            values = without_lost(self.mechanism, read, self.failures)
+            self._plausibility.observe(values, self._output.rates, self.failures, now)
+        self._assessor.prepare()
+
+    def _assess(self, values: FloatArray) -> None:
         """Find out where the mechanism is, and whether the readings can be true."""
+        self._unseen = values
         self._assessment = found = self._assessed(values)
         self._contradiction = ''
         if found is not None and not self._assessor.unclosed:
             self._contradiction = self._plausibility.objection_to(found.configuration)
-        if self.settings.recovery:
-            self._plausibility.observe(
-                without_lost(self.mechanism, values, self.failures),
-                self._output.rates,
-                self.failures,
-                now,
-            )
 
     def _assessed(self, values: FloatArray) -> Assessment | None:
         """Return the assessment; what a new failure comes to may have been worked out already."""
@@ -305,25 +342,18 @@ class Supervisor:
             self.forget_times(now)
         self._now = now
 
-    def _result(
-        self, decision: Decision, now: float, limited: LimitedRate | None = None
-    ) -> Output:
-        """Return the output of a cycle; without a command, everything rests."""
-        if self._reported_at is not None and self.settings.clock is not None:
-            self._recovery_time = self.settings.clock() - self._reported_at
-            self._reported_at = None
-        command = limited.command if limited else None
-        assessment = self._assessment
-        count = len(self.mechanism.actuators)
+    def _result(self, given: Command) -> Output:
+        """Return the output that goes with a command."""
+        limited, assessment = given.limited, self._assessment
         return Output(
-            rates=command.rates if command else frozen_array(np.zeros(count), (count,), 'rates'),
-            state=decision.state,
-            reason=self._reason(decision, now),
+            rates=given.rates,
+            state=given.decision.state,
+            reason=self._reason(given.decision, given.time),
             failures=self.failures,
             post=assessment.post if assessment else None,
             configuration=assessment.configuration if assessment else None,
-            achieved=command.twist if command else frozen_array(np.zeros(6), (6,), 'achieved'),
-            residual=command.residual if command else self._asked(now),
+            achieved=given.achieved,
+            residual=limited.command.residual if limited else self._asked(given.time),
             scale=limited.scale if limited else 0.0,
             secondary_scale=limited.secondary_scale if limited else 0.0,
             saturation=limited.saturation if limited else (),
@@ -331,7 +361,7 @@ class Supervisor:
             out_of_range=self._plausibility.out_of_range,
             inconsistent=self._plausibility.inconsistent,
             notices=self._plausibility.notices,
-            input_lost=self._readings.value is None or self._readings.has_ceased(now),
+            input_lost=self._readings.value is None or self._readings.has_ceased(given.time),
             recovery_time=self._recovery_time,
         )
 

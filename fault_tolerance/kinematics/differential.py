@@ -27,7 +27,6 @@ from fault_tolerance.mechanism.linear_algebra import decomposed, length, row_pro
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.tolerances import ROUNDING_TOLERANCE
 
-
 _NONE = np.zeros((6, 0))
 _NONE.setflags(write=False)
 

@@ -19,7 +19,7 @@ from fault_tolerance.mechanism.constraints import StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.state import State, evaluated
 from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE
-from fault_tolerance.mechanism.tracking import Closed
+from fault_tolerance.mechanism.tracking import Closed, steps_from
 
 # Continuation from home takes strides of at most this many characteristic lengths (or radians):
 # the assembly found is the one the mechanism can be driven to.
@@ -76,6 +76,11 @@ class Configuration:
     def flexure_strain(self) -> float:
         """Metres the flexures take up along the directions they absorb."""
         return self.closed.open[1] if self.closed else 0.0
+
+    def prepare(self) -> None:
+        """Work out what fitting the next configuration from this one will need."""
+        if self.closed is not None and self.converged:
+            steps_from(self.closed.state, self.closed.attachment, self.closed.kept)
 
     @property
     def constraints(self) -> StrutConstraints:

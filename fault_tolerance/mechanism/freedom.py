@@ -73,7 +73,8 @@ class Freedom:
     @cached_property
     def fit(self) -> FloatArray:
         """The twist (6, h) that fits actuator rates best, where they determine it."""
-        return self.twists.dot(self.right.T / self.gains).dot(self.left.T)
+        fit: FloatArray = self.twists.dot(self.right.T / self.gains).dot(self.left.T)
+        return fit
 
 
 def kept_constraints(sigma: FloatArray, compliance: float) -> int:

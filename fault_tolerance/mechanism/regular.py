@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -192,7 +193,7 @@ class RegularStruts:
         filled = matrices[:, :, : len(columns)]
         np.add(filled, columns.transpose(1, 2, 0), out=filled)
         try:
-            inverses: FloatArray = np.linalg.inv(matrices)
+            inverses = cast(FloatArray, np.linalg.inv(matrices))
         except np.linalg.LinAlgError:
             return None
         if not self._well_conditioned(matrices, inverses):

@@ -13,7 +13,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from fault_tolerance.control.output import Output
+from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.messages import fill_twist
 
@@ -32,11 +32,11 @@ class CommandPublisher:
 
     def __init__(self, node: Node, mechanism: Mechanism, base_frame: str) -> None:
         self._clock = node.get_clock()
-        self._mechanism = mechanism
         count = len(mechanism.actuators)
         # One message, written into through numpy: the command waits for nothing it need not.
         self._message = Float64MultiArray(data=array('d', [0.0] * count))
         self._rates = np.frombuffer(self._message.data)
+        self._signs = mechanism.rates_from_readings(np.ones(count))
         self._commands = node.create_publisher(
             Float64MultiArray, 'velocity_controller/commands', 10
         )
@@ -49,14 +49,15 @@ class CommandPublisher:
         """Find out whether anybody hears of the achieved velocity; takes longer than a command."""
         self._heard = self._achieved.get_subscription_count() > 0
 
-    def send(self, output: Output) -> None:
-        """Publish the command, in the units and signs of the drives."""
+    def send(self, rates: FloatArray, achieved: FloatArray) -> None:
+        """Publish joint rates (N,), in the units and signs of the drives, and the twist (6,)."""
+        np.multiply(self._signs, rates, out=self._rates)
         # Adding zero turns the -0.0 of a resting drive with sign -1 into 0.0.
-        self._rates[:] = self._mechanism.rates_from_readings(output.rates) + 0.0
+        self._rates += 0.0
         self._commands.publish(self._message)
         if self._heard:
             self._twist.header.stamp = self._clock.now().to_msg()
-            fill_twist(self._twist.twist, output.achieved)
+            fill_twist(self._twist.twist, achieved)
             self._achieved.publish(self._twist)
 
     @property

@@ -156,15 +156,18 @@ class Controller(Node):
         if not self._stepped:
             output = self._supervisor.step(now)
             if self._commands.moving and not output.rates.any():
-                self._commands.send(output)
+                self._commands.send(output.rates, output.achieved)
             self._teller.note(output)
         self._stepped = False
         self._teller.no_longer_wait()
 
     def _cycle(self, now: float) -> None:
         """Compute and send a command; what has changed is told when no message is waiting."""
-        output = self._supervisor.step(now)
-        self._commands.send(output)
+        command = self._supervisor.command(now)
+        self._commands.send(command.rates, command.achieved)
+        output = self._supervisor.settled()
+        if output.rates is not command.rates:
+            self._commands.send(output.rates, output.achieved)
         self._stepped = True
         self._teller.note(output)
         for notice in output.notices:
