@@ -78,7 +78,7 @@ def rate_bounds(mechanism: Mechanism, values: FloatArray, stroke_gain: float) ->
     speed, ends = _constants(mechanism)
     # The way to both ends, (2, N).
     ways = np.maximum(stroke_gain * (ends + _BOTH_WAYS * values), 0.0)
-    if isfinite(float(values.dot(values))):
+    if isfinite(float(values.sum())):
         np.minimum(ways, speed, out=ways)
         return RateBounds(-ways[0], ways[1])
     down, up = np.fmax(ways, 0.0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fault_tolerance.control.notices import Notice
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.description import Mechanism
 
 LARGEST_VALUE = 1e6
@@ -33,6 +33,37 @@ class Readings:
 
     values: FloatArray | None
     notice: Notice | None = None
+
+
+class JointStateReader:
+    """Reads the joint states of one mechanism.
+
+    A publisher names the same joints in the same order every time: where they stand in it is
+    found out once.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._names: list[str] = []
+        self._places: IntArray = np.zeros(0, dtype=np.intp)
+
+    def readings(
+        self, names: Sequence[str], positions: Sequence[float], lost: Collection[str] = ()
+    ) -> Readings:
+        """Return what `joint_readings` would."""
+        if names == self._names and len(positions) == len(names):
+            encoders = np.array(positions, dtype=np.float64).take(self._places)
+            return _readings(self._mechanism, encoders, lost)
+        found = joint_readings(self._mechanism, names, positions, lost)
+        wanted = self._mechanism.joint_state_names
+        if found.values is not None and set(wanted) <= set(names):
+            self._names = list(names)
+            self._places = np.array([self._names.index(name) for name in wanted], dtype=np.intp)
+        return found
 
 
 def joint_readings(
@@ -73,7 +104,11 @@ def joint_readings(
         text = f'joint state lacks {", ".join(missing)}'
         return Readings(None, Notice('missing_joint', text))
     encoders = [found.get(name, np.nan) for name in mechanism.joint_state_names]
-    values = mechanism.values_from_readings(np.array(encoders, dtype=np.float64))
+    return _readings(mechanism, np.array(encoders, dtype=np.float64), lost)
+
+
+def _readings(mechanism: Mechanism, encoders: FloatArray, lost: Collection[str]) -> Readings:
+    values = mechanism.values_from_readings(encoders)
     notice = unusable(mechanism, values, lost)
     return Readings(None if notice else values, notice)
 
@@ -86,9 +121,10 @@ def unusable(mechanism: Mechanism, values: FloatArray, lost: Collection[str]) ->
     if values.shape != (len(mechanism.actuators),):
         text = f'joint values of shape {values.shape} for {len(mechanism.actuators)} actuators'
         return Notice('length', text)
-    usable = np.abs(values) <= LARGEST_VALUE
-    if usable.all():
+    size = np.abs(values)
+    if size.max() <= LARGEST_VALUE:  # not so where there is a NaN
         return None
+    usable = size <= LARGEST_VALUE
     bad = [
         mechanism.joint_state_names[index]
         for index in np.flatnonzero(~usable)

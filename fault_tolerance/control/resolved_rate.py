@@ -195,7 +195,7 @@ class RateResolver:
         # What takes the major, and the secondary, part of a task velocity, in metres per second.
         self._major, self._secondary = weighted[task.major_rows], weighted[task.secondary_rows]
         self._rate_scale = rate_scale
-        self._unit = _common(rate_scale)
+        self._unit = common(rate_scale)
         self._singular_below = singular_below
         self._poor_below = poor_below
 
@@ -234,7 +234,7 @@ class RateResolver:
         return TaskInverse(kinematics, _frozen(major), _frozen(secondary), driven, smallest)
 
 
-def _common(rate_scale: FloatArray | None) -> float | None:
+def common(rate_scale: FloatArray | None) -> float | None:
     """Return the one number that all of ``rate_scale`` is, or None if they differ."""
     if rate_scale is None:
         return 1.0

@@ -15,16 +15,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from fault_tolerance.control.limits import LimitedRate
 from fault_tolerance.control.resolved_rate import (
     SINGULAR_BELOW,
     ResolvedRate,
+    common,
     drive_coordinates,
 )
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import Task
 
 ROUNDING = 1e-9
@@ -88,7 +88,9 @@ class Transition:
     ) -> None:
         self._rows = task.major_rows
         self._twist_scale = twist_scale
+        self._weights = twist_scale[self._rows]
         self._rate_scale = rate_scale
+        self._unit = common(rate_scale)
         self._max_acceleration = max_acceleration
         self._sent: _Sent | None = None
         self._mobility = 0
@@ -153,31 +155,40 @@ class Transition:
         command = target.command
         kinematics = command.kinematics
         # Coordinates in which the drives' speed is a length: y with x = coordinates @ y.
-        coordinates = drive_coordinates(kinematics, self._rate_scale)
-        drives = self._rate_scale[:, None] * (kinematics.mapping @ coordinates)
-        goal = drives.T @ (self._rate_scale * (kinematics.mapping @ command.reduced))
-        jacobian = self._twist_scale[self._rows, None] * (kinematics.major @ coordinates)
-        left, sigma, right = np.linalg.svd(jacobian, full_matrices=False)
-        driven = sigma > SINGULAR_BELOW
-        left, sigma, right = left[:, driven], sigma[driven], right[driven]
-        nearest = drives.T @ (self._rate_scale * sent.rates)
-        start = nearest + right.T @ ((left.T @ (sent.major - jacobian @ nearest)) / sigma)
+        unit = self._unit
+        if unit is None:
+            coordinates = drive_coordinates(kinematics, self._rate_scale)
+            drives = self._rate_scale[:, None] * kinematics.mapping.dot(coordinates)
+            goal = drives.T.dot(self._rate_scale * kinematics.mapping.dot(command.reduced))
+            nearest = drives.T.dot(self._rate_scale * sent.rates)
+            jacobian = self._weights[:, None] * kinematics.major.dot(coordinates)
+            left, sigma, right = decomposed(jacobian)
+            asked = sent.major - jacobian.dot(nearest)
+        else:
+            # They differ from the reduced rates by a factor only, and the columns of T are
+            # orthonormal.
+            goal = unit * command.reduced
+            nearest = unit * kinematics.mapping.T.dot(sent.rates)
+            left, sigma, right = kinematics.decomposed_major(self._weights)
+            sigma = sigma / unit
+            asked = sent.major - self._weights * kinematics.major.dot(nearest / unit)
+        driven = sum(value > SINGULAR_BELOW for value in sigma.tolist())
+        left, sigma, right = left[:, :driven], sigma[:driven], right[:driven]
+        start = nearest + right.T.dot(left.T.dot(asked) / sigma)
 
         way = goal - start
-        length = float(np.linalg.norm(way))
+        distance = length(way)
         allowed = self._max_acceleration * max(now - sent.time, 0.0)
-        size = max(float(np.linalg.norm(goal)), float(np.linalg.norm(start)))
-        if length <= allowed + ROUNDING * size:
+        if distance <= allowed + ROUNDING * max(length(goal), length(start)):
             return target
-        reached = start + (allowed / length) * way
-        major = right.T @ (right @ reached)
-        eased = within(
-            replace(
-                command,
-                major=_frozen(coordinates @ major),
-                secondary=_frozen(coordinates @ (reached - major)),
-            )
-        )
+        reached = start + (allowed / distance) * way
+        major = right.T.dot(right.dot(reached))
+        secondary = reached - major
+        if unit is None:
+            major, secondary = coordinates.dot(major), coordinates.dot(secondary)
+        else:
+            major, secondary = major / unit, secondary / unit
+        eased = within(replace(command, major=_frozen(major), secondary=_frozen(secondary)))
         # Limits may have bent the way: then it is no use.
         if self._jump(eased.command, sent).exceeds(self._jump(command, sent)):
             return target
@@ -192,7 +203,7 @@ class Transition:
     def _jump(self, command: ResolvedRate, sent: _Sent) -> Jump:
         major = (self._twist_scale * command.achieved)[self._rows] - sent.major
         rates = self._rate_scale * (command.rates - sent.rates)
-        return Jump(float(np.linalg.norm(major)), float(np.linalg.norm(rates)))
+        return Jump(length(major), length(rates))
 
 
 def _frozen(array: FloatArray) -> FloatArray:

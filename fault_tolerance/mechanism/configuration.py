@@ -235,7 +235,7 @@ def _configuration(
     actuators = state.actuator_values
     if target is None:
         misfit = np.zeros(actuators.shape)
-    elif attachment.complete and isfinite(float(target.dot(target))):
+    elif attachment.complete and isfinite(float(target.sum())):
         misfit = target - actuators
     else:
         # Differences with NaN, where there is no reading, are left out.

@@ -13,7 +13,7 @@ from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
 
 from fault_tolerance.control.notices import Notice, clean
-from fault_tolerance.control.readings import joint_readings
+from fault_tolerance.control.readings import JointStateReader
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.health import Health
@@ -46,6 +46,7 @@ class InputReader:
         self, mechanism: Mechanism, base_frame: str, line: TimeLine, health: Health
     ) -> None:
         self._mechanism = mechanism
+        self._joints = JointStateReader(mechanism)
         self._base_frame = base_frame
         self._line = line
         self._health = health
@@ -53,9 +54,9 @@ class InputReader:
 
     def joint_values(self, message: JointState, lost: Collection[str]) -> Input | None:
         """Return the joint values (N,) in a message, or None; ``lost`` struts may lack theirs."""
-        readings = joint_readings(self._mechanism, message.name, message.position, lost)
-        self._health.remark(readings.notice)
+        readings = self._joints.readings(message.name, message.position, lost)
         if readings.values is None:
+            self._health.remark(readings.notice)
             return None
         return Input(readings.values, self._placed(message, 'joint_state'))
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.readings import joint_readings, unusable
+from fault_tolerance.control.readings import JointStateReader, joint_readings, unusable
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.files import mechanism_from_text
 
@@ -108,3 +108,30 @@ def test_values_of_the_wrong_number_are_unusable():
     assert unusable(MECHANISM, np.zeros(3), ()).reason == 'length'
     assert unusable(MECHANISM, np.zeros((4, 1)), ()).reason == 'length'
     assert unusable(MECHANISM, np.zeros(4), ()) is None
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(
+    st.permutations([*NAMES, 'elbow']),
+    st.lists(st.sampled_from([0.0, 0.5, -1.0, 2e7, float('nan')]), min_size=4, max_size=6),
+    st.sampled_from([(), ('strut_1',)]),
+), min_size=1, max_size=6))
+def test_a_reader_that_knows_the_names_reads_what_any_reader_reads(messages):
+    reader = JointStateReader(MECHANISM)
+    for names, positions, lost in [*messages, *messages]:
+        found, wanted = (
+            read(names, positions, lost)
+            for read in (reader.readings, lambda *given: joint_readings(MECHANISM, *given))
+        )
+        assert found.notice == wanted.notice
+        assert (found.values is None) is (wanted.values is None)
+        if wanted.values is not None:
+            np.testing.assert_array_equal(found.values, wanted.values)
+
+
+def test_a_reader_goes_by_the_names_of_each_message():
+    reader = JointStateReader(MECHANISM)
+    for names, positions in ((NAMES, POSITIONS), (NAMES[::-1], POSITIONS[::-1])) * 2:
+        found = reader.readings(list(names), positions)
+        np.testing.assert_array_equal(found.values, POSITIONS)
+    assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS).notice.reason == 'missing_joint'
