@@ -24,6 +24,7 @@ from fault_tolerance.kinematics.differential import (
     differential_kinematics,
 )
 from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.few_measures import position_of_few, torque_of_few
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import manipulability, null_space, range_basis
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
@@ -38,6 +39,8 @@ _SHORT = 1e-4
 # A strut that carries this much of a direction alone cannot be taken out of the decomposition.
 _ALONE = 1.0 - 1e-6
 _AT_A_TIME = 4096
+# Actuators up to which pairs are taken from minors.
+_FEW = 16
 _NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -118,6 +121,8 @@ def pair_measures(kinematics: DifferentialKinematics) -> tuple[FloatArray, Float
 
     The diagonal repeats the single measures; NaN for actuators that do not drive.
     """
+    if len(kinematics.mapping) <= _FEW:
+        return _pairs_of_few(kinematics)
     mapping, spare = kinematics.mapping, _spare(kinematics)
     count = len(mapping)
     position, torque = np.zeros((2, count, count))
@@ -161,6 +166,32 @@ def pair_measures(kinematics: DifferentialKinematics) -> tuple[FloatArray, Float
         values[~kinematics.active], values[:, ~kinematics.active] = np.nan, np.nan
         np.fill_diagonal(values, alone)
     return position, torque
+
+
+def _pairs_of_few(kinematics: DifferentialKinematics) -> tuple[FloatArray, FloatArray]:
+    count, active = len(kinematics.mapping), kinematics.active
+    driving = np.flatnonzero(active)
+    mapping = kinematics.mapping
+    if len(driving) < count:
+        mapping = mapping[driving]
+    position, doubtful = position_of_few(kinematics, mapping)
+    torque = torque_of_few(mapping)
+    if np.logical_or.reduce(doubtful, None):
+        first, second = np.nonzero(doubtful)
+        pair, alone = first < second, first == second
+        first, second = driving[first], driving[second]
+        sets = np.stack([first[pair], second[pair]], axis=1)
+        values = np.zeros((count, count))
+        values[sets[:, 0], sets[:, 1]] = position_measures(kinematics, sets)
+        values += values.T
+        values[first[alone], first[alone]] = position_measures(kinematics, first[alone, None])
+        position[doubtful] = values[first, second]
+    if len(driving) == count:
+        return position, torque
+    whole = np.full((2, count, count), np.nan)
+    whole[0][np.ix_(driving, driving)] = position
+    whole[1][np.ix_(driving, driving)] = torque
+    return whole[0], whole[1]
 
 
 def hard_measures(

@@ -13,6 +13,7 @@ from core.mechanisms import by_numbers, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fault_tolerance.kinematics import many_measures
 from fault_tolerance.kinematics import measures as defined
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import Failure, FailureMode
@@ -34,22 +35,11 @@ def configurations(name):
     return (cases.home(name),) if name == 'fsm_4_strut' else (cases.home(name), cases.away(name))
 
 
-def assert_as_defined(state):
-    kinematics, mechanism = state.present, state.rows.mechanism
-    position, torque = single_measures(kinematics)
-    pairs = pair_measures(kinematics)
+def assert_pairs_as_defined(kinematics, pairs):
     driving = np.flatnonzero(kinematics.active).tolist()
-    for index in range(len(mechanism.actuators)):
-        if index not in driving:
-            assert np.isnan(position[index]) and np.isnan(torque[index])
-            assert np.isnan(pairs[0][index]).all() and np.isnan(pairs[1][:, index]).all()
-            continue
-        expected = defined.position_measure(kinematics, [index])
-        assert position[index] == pytest.approx(expected, abs=EXACT)
-        assert (position[index] == 0.0) == (expected == 0.0)
-        expected = defined.torque_measure(kinematics, [index])
-        assert torque[index] == pytest.approx(expected, abs=EXACT)
-        assert (torque[index] == 0.0) == (expected == 0.0)
+    for values in pairs:
+        assert np.isnan(values[~kinematics.active]).all()
+        assert np.isnan(values[:, ~kinematics.active]).all()
     for first, second in combinations(driving, 2):
         for found, measure in zip(
             pairs, (defined.position_measure, defined.torque_measure), strict=True
@@ -58,6 +48,26 @@ def assert_as_defined(state):
             assert found[first, second] == pytest.approx(expected, abs=EXACT)
             assert found[second, first] == pytest.approx(expected, abs=EXACT)
             assert (found[first, second] == 0.0) == (expected == 0.0)
+
+
+def assert_as_defined(state):
+    kinematics, mechanism = state.present, state.rows.mechanism
+    position, torque = single_measures(kinematics)
+    for few in (16, 0):  # by minors, and as for many actuators
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(many_measures, '_FEW', few)
+            assert_pairs_as_defined(kinematics, pair_measures(kinematics))
+    driving = np.flatnonzero(kinematics.active).tolist()
+    for index in range(len(mechanism.actuators)):
+        if index not in driving:
+            assert np.isnan(position[index]) and np.isnan(torque[index])
+            continue
+        expected = defined.position_measure(kinematics, [index])
+        assert position[index] == pytest.approx(expected, abs=EXACT)
+        assert (position[index] == 0.0) == (expected == 0.0)
+        expected = defined.torque_measure(kinematics, [index])
+        assert torque[index] == pytest.approx(expected, abs=EXACT)
+        assert (torque[index] == 0.0) == (expected == 0.0)
     hard = hard_measures(state.rows, state.failures, kinematics)
     for place, name in enumerate(mechanism.strut_names):
         if name in state.failures.lost:
