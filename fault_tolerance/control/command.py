@@ -150,7 +150,8 @@ class CommandLaw:
     def _margins(self, resolved: ResolvedRate) -> tuple[float, float]:
         """Return how far it is from singularities of both kinds: 0 there, about 1 at home.
 
-        Where the drives no longer move the platform, and where they no longer hold it.
+        Where the drives no longer move the platform, and where they no longer hold it
+        (docs/theory.md, eq. 23).
         """
         looseness = self._looseness(resolved.kinematics)
         held = self._tight / looseness if looseness > self._tight else 1.0

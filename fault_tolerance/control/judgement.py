@@ -87,7 +87,7 @@ def intolerance(post: PostFailure, measures: PresentMeasures, threshold: float) 
     They are tolerated when the platform is held, its major coordinates are all there, and no
     measure of theirs is below ``threshold``: nearly lost counts as lost. Around a configuration
     where a measure is 0 it grows in proportion to the way from there, so the threshold is also
-    how far around a singularity all is judged as in it (docs/theory.md, section 6).
+    how far around a singularity all is judged as in it (docs/theory.md, section 8).
     """
     state = unit_free(post)
     if state is not post:

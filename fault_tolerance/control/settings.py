@@ -29,7 +29,7 @@ class Settings:
         A measure of the present failures below it means that they are not tolerated. Turning
         drives are taken at the characteristic length here, so that units do not matter. The
         default keeps some hundredths of the characteristic length clear of a singularity, more
-        than drives travel between two joint states (docs/theory.md, section 6).
+        than drives travel between two joint states (docs/theory.md, section 8).
     auto_clear : bool
         Whether a report that a part is healthy releases its failure.
     unknown_mode : {'stop', 'ignore'}

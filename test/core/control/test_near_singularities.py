@@ -32,7 +32,7 @@ from fault_tolerance.resources import share_directory
 THRESHOLD = Settings().tolerance_threshold
 SHIPPED = tuple(shipped_names())
 PLATFORM = mechanism_named('gough_stewart_8')
-# Without these two the platform is singular at home: legs 2 and 4 to 8 do not hold it.
+# Without these two the platform is singular at home: legs 2 and 4 to 8 do not hold it there.
 FREE = (('free', 'leg_1'), ('free', 'leg_3'))
 # In this direction (of the task) their measure grows at once, by a third per Lc of the legs.
 AWAY = np.array([0.0, 0.1, 0.1, 0.0, 0.03, 0.0])
@@ -78,12 +78,15 @@ def test_at_home_every_failure_is_far_from_the_threshold(name):
     rows = home_rows(mechanism_named(name))
     for case, tolerable in cases(name):
         measure = smallest_measure(rows, case)
-        assert measure < 1e-6 * THRESHOLD or measure > 10.0 * THRESHOLD, case.failures
+        assert measure < 1e-8 or measure > 0.19, case.failures
         assert (measure >= THRESHOLD) is tolerable is tolerated(rows, case), case.failures
 
 
-# Half of the examples are of the platform: it is the one with pairs that are singular at home only.
-@given(st.sampled_from(SHIPPED + (PLATFORM.name,) * len(SHIPPED)), st.integers(0, 10_000), DIRECTIONS, st.floats(0.0, 0.01))
+# Half of the examples are of the platform, which has the pairs that are singular at home only.
+@given(
+    st.sampled_from(SHIPPED + (PLATFORM.name,) * len(SHIPPED)), st.integers(0, 10_000),
+    DIRECTIONS, st.floats(0.0, 0.01),
+)
 @settings(deadline=None, max_examples=150, derandomize=True)
 def test_beside_home_the_verdict_is_that_of_home(name, number, direction, size):
     case, tolerable = cases(name)[number % len(cases(name))]
