@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from rich import box
 from rich.table import Table
+
+from fault_tolerance.analysis.snapshot import WORDS
 
 LARGEST_RATIO = 1.2
 """Times the healthy error that a tolerable failure may cost the major task."""
@@ -138,15 +141,18 @@ def campaign_summary(records: Sequence[TrialRecord], seed: int) -> dict[str, Any
 
 
 def campaign_table(summary: dict[str, Any]) -> Table:
-    """Return `campaign_summary` for people to read."""
+    """Return `campaign_summary` for people to read, within 80 columns."""
     table = Table(
-        title='Largest error (times the healthy one) and force of tolerable failures, median '
-        'time of recovery',
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+        title='Largest error (times the healthy one) and force of tolerable failures,\n'
+        'median time of recovery',
     )
     table.add_column('mechanism', no_wrap=True)
     for heading in ('borne', 'stopped', 'error', 'N', 'us', 'wrong'):
-        table.add_column(heading, justify='right')
-    table.add_column('largest error after', overflow='fold')
+        table.add_column(heading, justify='right', no_wrap=True)
+    table.add_column('largest\nerror after', overflow='fold')
     for name, figures in summary['mechanisms'].items():
         table.add_row(
             name,
@@ -156,7 +162,7 @@ def campaign_table(summary: dict[str, Any]) -> Table:
             _shown(figures['largest_force_tolerable'], '.2f'),
             _shown(figures['median_recovery_time_us'], '.0f'),
             str(figures['mistakes']),
-            figures['largest_error_after'] or '',
+            _in_words(figures['largest_error_after'] or ''),
         )
     return table
 
@@ -177,6 +183,12 @@ def _figures(records: Sequence[TrialRecord]) -> dict[str, Any]:
         'median_recovery_time_us': float(np.median(times)),
         'largest_recovery_time_us': max(times),
     }
+
+
+def _in_words(failures: str) -> str:
+    """Return ``mode:name;mode:name`` as people say it, one failure a line."""
+    pairs = [failure.partition(':') for failure in failures.split(';') if failure]
+    return '\n'.join(f'{name} {WORDS.get(mode, mode)}' for mode, _, name in pairs)
 
 
 def _shown(value: float | None, form: str) -> str:

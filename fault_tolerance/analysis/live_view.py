@@ -34,6 +34,7 @@ _STATES = {
 _FAILED = {'position': 'bold yellow', 'torque': 'bold magenta', 'hard': 'dim'}
 _GOOD, _LITTLE, _NOTHING = 'cyan', 'yellow', 'red'
 _LITTLE_LEFT = 0.2
+_AS_GOOD_AS_0 = 5e-4
 _BARS = ' ▁▂▃▄▅▆▇█'
 _ASCII_BARS = ' .:-=+*#%@'
 # Rows of the error: from 0.1 microradians to 10 milliradians.
@@ -179,7 +180,8 @@ def _measure(value: float | None, failure: str, bars: bool) -> RenderableType:
     if value is None:
         return Text('failed' if failure != 'none' else '-', style='dim')
     style = _GOOD if value >= _LITTLE_LEFT else _LITTLE if value >= NOT_TOLERATED else _NOTHING
-    number = Text(f'{value:.3f}' if value >= NOT_TOLERATED else '0 STOP', style=style)
+    stop = '0 STOP' if value < _AS_GOOD_AS_0 else 'STOP'
+    number = Text(f'{value:.3f}' if value >= NOT_TOLERATED else stop, style=style)
     if not bars:
         return number
     row = Table.grid(expand=True, padding=(0, 1, 0, 0))

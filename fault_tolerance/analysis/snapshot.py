@@ -15,8 +15,8 @@ WORDS = {'none': 'healthy', 'position': 'stuck', 'torque': 'free', 'hard': 'lost
 LETTERS = {'position': 'p', 'torque': 't', 'hard': 'h'}
 """What the paper calls the measure of a failure."""
 
-NOT_TOLERATED = 1e-4
-"""A measure below this is as good as 0."""
+NOT_TOLERATED = 0.01
+"""A measure below this is as good as 0: the controller's threshold, unless it is told another."""
 
 
 @dataclass(frozen=True)

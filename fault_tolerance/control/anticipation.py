@@ -34,7 +34,8 @@ RENEWAL = 0.25
 """Share of `REACH` after which an entry is made anew."""
 
 SAFE_MEASURE = 0.05
-"""No measure of the failures may be below it, for an entry to serve a little way off."""
+"""How far above the tolerance threshold all measures of the failures must be, for an entry to
+serve a little way off."""
 
 CAPACITY = 256
 """Mechanisms with more single failures than this have no table: it would be old all the time."""
@@ -198,6 +199,6 @@ def further_sets(mechanism: Mechanism, failures: FailureSet) -> Iterator[Failure
 def _is_safe(assessment: Assessment) -> bool:
     """Return whether a little motion cannot change the verdict."""
     measures = assessment.measures
-    return not assessment.intolerance and SAFE_MEASURE <= min(
+    return not assessment.intolerance and assessment.threshold + SAFE_MEASURE <= min(
         measures.position, measures.torque, measures.hard
     )

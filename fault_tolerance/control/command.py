@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
+from math import isfinite, sqrt
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from fault_tolerance.kinematics.differential import (
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.linear_algebra import length
 
 LEAVING = 2.0
 """How far above the margin at which it holds the mechanism must be before it moves again."""
@@ -56,15 +57,22 @@ class CommandLaw:
         self._resolver = RateResolver(
             mechanism.task, twist_scale=self._twist_scale, rate_scale=self._rate_scale
         )
+        units = set(self._rate_scale.tolist())
+        self._unit = units.pop() if len(units) == 1 else None
         self._inverse: TaskInverse | None = None
+        self._loose: tuple[DifferentialKinematics, float] | None = None
         self._near_singular = False
         self.slowed = False
         # What is near is judged against home, where the mechanism is made to work; a home that
         # is singular itself, as of a stretched arm, is no yardstick.
+        rows = home_rows(mechanism)
+        self._weights = rows.twist_scale[:, None]
+        home = differential_kinematics(rows)
         resting = np.zeros(len(mechanism.task.coordinates))
-        home = self.resolved(differential_kinematics(home_rows(mechanism)), resting)
-        at_home = home.transmission
+        at_home = self.resolved(home, resting).transmission
         self._yardstick = at_home if at_home > settings.slow_below else 1.0
+        loose_at_home = self._looseness(home)
+        self._tight = loose_at_home if loose_at_home * settings.slow_below < 1.0 else 1.0
 
     def resolved(self, kinematics: DifferentialKinematics, velocity: FloatArray) -> ResolvedRate:
         """Return the rates for a task velocity (l,), not limited yet."""
@@ -87,12 +95,13 @@ class CommandLaw:
 
     def obstacle(self, resolved: ResolvedRate) -> str:
         """Return why the mechanism is too near a singularity to move; empty if it is not."""
-        margin = resolved.transmission / self._yardstick
+        moved, held = self._margins(resolved)
         limit = self._settings.hold_below * (LEAVING if self._near_singular else 1.0)
-        self._near_singular = margin <= limit
+        self._near_singular = min(moved, held) <= limit
         if not self._near_singular:
             return ''
-        return f'near a singularity of the major task (margin below {limit:.2g})'
+        kind = 'of the major task' if moved <= limit else 'where the drives hardly hold it'
+        return f'near a singularity {kind} (margin below {limit:.2g})'
 
     def transition(self) -> Transition:
         """Return what eases its commands in."""
@@ -126,7 +135,7 @@ class CommandLaw:
         """
         settings, names = self._settings, self._mechanism.actuator_names
         bounds = rate_bounds(self._mechanism, values, settings.stroke_gain)
-        margin = resolved.transmission / self._yardstick
+        margin = min(self._margins(resolved))
         slowing = singularity_scale(margin, settings.hold_below, settings.slow_below)
         self.slowed = slowing < 1.0
         limited = ease(
@@ -137,6 +146,33 @@ class CommandLaw:
         if not isfinite(float(command.rates.sum() + command.twist.sum())):
             raise ArithmeticError('the command is not finite')
         return limited
+
+    def _margins(self, resolved: ResolvedRate) -> tuple[float, float]:
+        """Return how far it is from singularities of both kinds: 0 there, about 1 at home.
+
+        Where the drives no longer move the platform, and where they no longer hold it
+        (docs/theory.md, eq. 23).
+        """
+        looseness = self._looseness(resolved.kinematics)
+        held = self._tight / looseness if looseness > self._tight else 1.0
+        return resolved.transmission / self._yardstick, held
+
+    def _looseness(self, kinematics: DifferentialKinematics) -> float:
+        """Return how fast the platform may go at unit speed of the drives, m/s per m/s.
+
+        Without bound on the way to where it moves with every drive at rest. Over all directions
+        (the root of the sum of squares), as the platform is to be held in all of them; kept.
+        """
+        if self._loose is None or self._loose[0] is not kinematics:
+            twists = self._weights * kinematics.twist_jacobian
+            if self._unit is None:
+                drives = self._rate_scale[:, None] * kinematics.mapping
+                squares = twists.T * np.linalg.solve(drives.T @ drives, twists.T)
+                found = sqrt(float(squares.sum()))
+            else:
+                found = length(twists) / self._unit
+            self._loose = kinematics, found
+        return self._loose[1]
 
 
 def _scales(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ from fault_tolerance.kinematics.reconfiguration import (
     PostFailure,
     failures_in_words,
     reconfigured,
+    weakest_motion,
 )
 from fault_tolerance.kinematics.rows import StrutRows
 
@@ -84,9 +85,13 @@ def intolerance(post: PostFailure, measures: PresentMeasures, threshold: float) 
     """Return why the failures of ``post`` are not tolerated; empty if they are.
 
     They are tolerated when the platform is held, its major coordinates are all there, and no
-    measure of theirs is below ``threshold``: nearly lost counts as lost.
+    measure of theirs is below ``threshold``: nearly lost counts as lost. Around a configuration
+    where a measure is 0 it grows in proportion to the way from there, so the threshold is also
+    how far around a singularity all is judged as in it (docs/theory.md, section 8).
     """
-    measures = unit_free(post, measures)
+    state = unit_free(post)
+    if state is not post:
+        measures = present_measures(state)
     found = {
         'position': measures.position,
         'torque': measures.torque,
@@ -98,16 +103,21 @@ def intolerance(post: PostFailure, measures: PresentMeasures, threshold: float) 
     if value >= threshold:
         return ''
     words = failures_in_words(post.failures)
-    return f'{words}: {name} measure {value:.3g} is below the tolerance threshold {threshold:.3g}'
+    text = f'{words}: {name} measure {value:.3g} is below the tolerance threshold {threshold:.3g}'
+    held = name != 'position'
+    weakest = weakest_motion(state, held=held)
+    if weakest:
+        text += f'; hardly {"held" if held else "moved"}: {", ".join(weakest)}'
+    return text
 
 
-def unit_free(post: PostFailure, measures: PresentMeasures) -> PresentMeasures:
-    """Return the measures of ``post`` with turning drives taken at the characteristic length.
+def unit_free(post: PostFailure) -> PostFailure:
+    """Return ``post`` with turning drives taken at the characteristic length.
 
     The paper's measures compare radians with metres where a mechanism has drives of both kinds,
     and then depend on the units: too much for a decision.
     """
     scale = post.rows.rate_scale
     if (scale == scale[0]).all():
-        return measures
-    return present_measures(reconfigured(post.rows.in_metres(), post.failures))
+        return post
+    return reconfigured(post.rows.in_metres(), post.failures)

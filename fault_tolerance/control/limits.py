@@ -136,8 +136,7 @@ def limited_rate(
 def singularity_scale(margin: float, hold_below: float, slow_below: float) -> float:
     """Return the factor by which everything slows down near a singularity.
 
-    1 from the margin ``slow_below`` on, falling to 0 at ``hold_below``. The margin is the
-    transmission of the worst major direction, relative to that at home.
+    1 from the margin ``slow_below`` on, falling to 0 at ``hold_below`` (docs/theory.md, eq. 23).
     """
     return min(max((margin - hold_below) / (slow_below - hold_below), 0.0), 1.0)
 

@@ -27,7 +27,9 @@ class Settings:
         Seconds for which a failure counts as still reported.
     tolerance_threshold : float
         A measure of the present failures below it means that they are not tolerated. Turning
-        drives are taken at the characteristic length here, so that units do not matter.
+        drives are taken at the characteristic length here, so that units do not matter. The
+        default keeps some hundredths of the characteristic length clear of a singularity, more
+        than drives travel between two joint states (docs/theory.md, section 8).
     auto_clear : bool
         Whether a report that a part is healthy releases its failure.
     unknown_mode : {'stop', 'ignore'}
@@ -39,8 +41,10 @@ class Settings:
     stroke_gain : float
         1/s: how fast actuators may approach the ends of their strokes, per distance left.
     slow_below, hold_below : float
-        Near a singularity everything slows down, and then holds: the transmission of the worst
-        major direction (see `ResolvedRate`), relative to that at home, at which it does.
+        Near a singularity everything slows down, and then holds: the margin, relative to home,
+        at which it does. Of two margins the smaller one counts: the transmission of the worst
+        major direction (see `ResolvedRate`), and the drives' speed per speed of the platform,
+        whose end is where it moves with every drive at rest.
     max_acceleration : float
         m/s^2, turning drives at the characteristic length: how fast the drives (the norm of
         all their rates) may change from one way of moving to another, at a failure, a clearing
@@ -55,7 +59,7 @@ class Settings:
     joint_state_timeout: float = 0.1
     command_timeout: float = 0.1
     report_timeout: float = 3.0
-    tolerance_threshold: float = 1e-4
+    tolerance_threshold: float = 0.01
     auto_clear: bool = False
     unknown_mode: UnknownMode = 'stop'
     recovery: bool = True

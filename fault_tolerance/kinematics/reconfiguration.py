@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,9 @@ from fault_tolerance.kinematics.differential import (
 )
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.kinematics.subspaces import adds_rank, rank
-from fault_tolerance.mechanism.linear_algebra import length
+from fault_tolerance.kinematics.subspaces import adds_rank, range_basis, rank
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import COORDINATES, Task
 from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 
@@ -24,6 +26,8 @@ from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
 _NOTABLE = 1e-6
 # Smaller shares are not worth a word to a person.
 _MAIN = 0.3
+# A motion the drives master so many times worse than any other is worth naming.
+_STANDS_OUT = 5.0
 
 
 @dataclass(frozen=True)
@@ -157,13 +161,39 @@ def failures_in_words(failures: FailureSet) -> str:
     return ', '.join(words) if words else 'no failure'
 
 
+def weakest_motion(state: PostFailure, *, held: bool) -> tuple[str, ...]:
+    """Return the coordinates that mainly make up the motion which the drives master least.
+
+    Near a singularity there is one that stands out; elsewhere nothing is returned.
+
+    Parameters
+    ----------
+    state : PostFailure
+    held : bool
+        Whether the motion that they hold least is asked for, of those the task had before, or
+        the one that they move least, of the major task.
+    """
+    rows, task = state.rows, state.rows.mechanism.task
+    if not held:
+        motions, sigma, _ = decomposed(state.present.major * _major_scale(rows))
+        if len(sigma) > 1 and sigma[-2] > _STANDS_OUT * sigma[-1]:
+            return _main_names(task.major, motions[:, -1:], _MAIN)
+        return ()
+    scale = rows.twist_scale[rows.task_rows, None]
+    basis = range_basis(state.nominal.jacobian * scale)
+    motions, sigma, _ = decomposed(basis.T @ (state.present.jacobian * scale))
+    if len(sigma) > 1 and sigma[0] > _STANDS_OUT * sigma[1]:
+        return _main_names(task.coordinates, basis @ motions[:, :1], _MAIN)
+    return ()
+
+
 def _twist_names(rows: StrutRows) -> tuple[str, ...]:
     if len(rows.twist_scale) == len(COORDINATES):
         return COORDINATES
     return rows.mechanism.task.coordinates
 
 
-def _major_scale(rows: StrutRows) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _major_scale(rows: StrutRows) -> FloatArray:
     task = rows.mechanism.task
     return rows.twist_scale[rows.task_rows[task.major_rows], None]
 
@@ -181,9 +211,13 @@ def _drifting(
     if present.stable:
         return ()
     scaled = present.unactuated * rows.twist_scale[:, None]
-    share = np.linalg.norm(scaled, axis=1)
-    notable = share > least * share.max()
-    names = _twist_names(rows)
+    return _main_names(_twist_names(rows), scaled, least)
+
+
+def _main_names(names: Sequence[str], motions: FloatArray, least: float) -> tuple[str, ...]:
+    """Return those of ``names`` (d) whose share in ``motions`` (d, k) is above ``least``."""
+    share = np.linalg.norm(motions, axis=1)
+    notable = share > least * share.max(initial=0.0)
     return tuple(name for name, moves in zip(names, notable, strict=True) if moves)
 
 

@@ -10,7 +10,14 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from fault_tolerance.analysis.live_view import LiveView, plain_line, sparkline
-from fault_tolerance.analysis.snapshot import Actuator, Snapshot, Strut, with_prefix
+from fault_tolerance.analysis.snapshot import (
+    NOT_TOLERATED,
+    Actuator,
+    Snapshot,
+    Strut,
+    with_prefix,
+)
+from fault_tolerance.control.settings import Settings
 
 HEALTHY = Snapshot(
     title='mirror_4_strut',
@@ -57,6 +64,13 @@ def shown(snapshot, width, encoding='utf-8', **options):
     console.print(LiveView(snapshot))
     file.flush()
     return raw.getvalue().decode(encoding)
+
+
+def test_what_counts_as_intolerable_is_the_default_of_the_controller():
+    assert Settings().tolerance_threshold == NOT_TOLERATED
+    parts = (Actuator('leg_1', position=0.004, torque=0.0),)
+    text = shown(replace(HEALTHY, actuators=parts, worst_measure=0.004), 120)
+    assert ' STOP' in text and '0 STOP' in text and '0.004: would stop it' in text
 
 
 @pytest.mark.parametrize('width', [30, 45, 60, 80, 100, 120, 200])

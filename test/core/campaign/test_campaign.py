@@ -3,13 +3,20 @@
 """Failures in closed loop, against the theory; the whole of it is `make campaign`."""
 
 import csv
+import io
 import json
 import os
 from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
-from fault_tolerance.analysis.campaign import COLUMNS, TrialRecord, campaign_summary
+from fault_tolerance.analysis.campaign import (
+    COLUMNS,
+    TrialRecord,
+    campaign_summary,
+    campaign_table,
+)
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import records, run_campaign, tasks
 from fault_tolerance.campaign.trial import Bench, TrialSettings
@@ -50,6 +57,18 @@ def test_single_failures_go_as_the_theory_says():
     assert max(record.error_ratio for record in found if record.tolerable) <= 1.2
 
 
+def test_what_is_intolerable_at_home_only_is_stopped_in_the_same_period_too():
+    short = replace(SHORT, warm_up=0.1, healthy=0.1, latest=0.1)
+    bench = Bench(mechanism_named('gough_stewart_8'), short)
+    for seed, pair in enumerate((
+        [('torque', 'leg_1'), ('torque', 'leg_3')], [('torque', 'leg_5'), ('hard', 'strut_7')],
+    ), 1):
+        record = bench.trial(failure_set(bench.mechanism, pair), seed)
+        assert not record.tolerable
+        assert record.states == ('stopped',)
+        assert record.mistakes == ()
+
+
 def test_without_recovery_the_campaign_notices():
     bench = Bench(mechanism_named('mirror_4_strut'), replace(SHORT, recovery=False))
     record = bench.trial(failure_set(bench.mechanism, [('position', 'theta_4')]), 1)
@@ -84,6 +103,22 @@ def test_what_is_not_as_it_should_be_is_told(record, complaint):
 
 def test_what_is_as_it_should_be_is_no_mistake():
     assert GOOD.mistakes == STOPPED.mistakes == ()
+
+
+def test_the_table_fits_eighty_columns_without_breaking_a_word():
+    pair = replace(GOOD, failures='position:theta_3;hard:strut_4', peak_force=12.25)
+    named = [replace(pair, mechanism='mirror_overactuated'), replace(GOOD, mechanism='one')]
+    console = Console(width=80, file=io.StringIO(), color_system=None)
+    console.print(campaign_table(campaign_summary(named, 1)))
+    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+    first = next(k for k, line in enumerate(lines) if 'mirror_overactuated' in line)
+    assert lines[first].split() == [
+        'mirror_overactuated', '1', '0', '1.100', '12.25', '900', '0', 'theta_3', 'stuck'
+    ]
+    assert lines[first + 1].split() == ['strut_4', 'lost']
+    assert lines[first + 2].split()[-2:] == ['a', 'stuck']
+    assert max(map(len, lines)) <= 80
 
 
 def test_results_are_written_as_the_contract_says(tmp_path, capsys):

@@ -5,11 +5,20 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from fault_tolerance.control.reports import ERROR, Report
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.kinematics.differential import (
+    DifferentialKinematics,
+    differential_kinematics,
+)
+from fault_tolerance.kinematics.rows import home_rows
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.configuration import Configuration, fitted_configuration
 from fault_tolerance.mechanism.description import Mechanism
 
 
@@ -34,3 +43,36 @@ def feed(supervisor: Supervisor, now: float, velocity=None, values=None) -> None
     assert supervisor.joint_reading(values, now) is None
     if velocity is not None:
         assert supervisor.task_velocity(np.asarray(velocity, dtype=float), now) is None
+
+
+def beside_home(mechanism: Mechanism, direction, size: float) -> Configuration:
+    """Return a configuration off home in a direction of the reduced rates.
+
+    The actuator that goes farthest goes by about ``size``, in characteristic lengths or radians.
+    """
+    mapping = _home(mechanism).mapping
+    way = mapping @ np.resize(np.asarray(direction, dtype=float), mapping.shape[1])
+    farthest = np.abs(way * mechanism.rate_scale).max() / mechanism.characteristic_length
+    return fitted_configuration(mechanism, size * way / farthest)
+
+
+def values_towards(mechanism: Mechanism, twist) -> np.ndarray:
+    """Return how actuators (N,) move for a task displacement (l,) from home, to first order."""
+    home = _home(mechanism)
+    return home.mapping @ np.linalg.pinv(home.jacobian) @ np.asarray(twist, dtype=float)
+
+
+@cache
+def _home(mechanism: Mechanism) -> DifferentialKinematics:
+    return differential_kinematics(home_rows(mechanism))
+
+
+@cache
+def place(name: str, seed: int, size: float = 0.02) -> np.ndarray:
+    """Return joint values (N,) near home at which the loops close."""
+    mechanism = mechanism_named(name)
+    mapping = _home(mechanism).mapping
+    rng = np.random.default_rng(seed)
+    length = size * mechanism.characteristic_length
+    wanted = length * mapping @ rng.uniform(-1.0, 1.0, mapping.shape[1])
+    return fitted_configuration(mechanism, wanted).actuator_values

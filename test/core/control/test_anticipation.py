@@ -4,11 +4,9 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
-from core.control.control_cases import report
+from core.control.control_cases import place, report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,11 +15,8 @@ from fault_tolerance.control.anticipation import REACH, RENEWAL, further_sets
 from fault_tolerance.control.recovery import State
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
-from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.mechanism.configuration import fitted_configuration
 
 SHIPPED = (
     'fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated', 'mirror_4_strut', 'gough_stewart_6',
@@ -30,17 +25,6 @@ SHIPPED = (
 FSM = mechanism_named('fsm_4_strut')
 ASKED = np.array([0.01, 0.02, 0.0])
 PATIENT = {'joint_state_timeout': 100.0, 'command_timeout': 100.0}
-
-
-@cache
-def place(name: str, seed: int, size: float = 0.02) -> np.ndarray:
-    """Return joint values (N,) near home at which the loops close."""
-    mechanism = mechanism_named(name)
-    mapping = differential_kinematics(home_rows(mechanism)).mapping
-    rng = np.random.default_rng(seed)
-    length = size * mechanism.characteristic_length
-    wanted = length * mapping @ rng.uniform(-1.0, 1.0, mapping.shape[1])
-    return fitted_configuration(mechanism, wanted).actuator_values
 
 
 def started(name: str, values, **more) -> Supervisor:
@@ -218,6 +202,17 @@ def test_the_table_never_stops_from_a_little_way_off():
     supervisor.step(0.15)
     assert failing(supervisor, 'position', 'theta_2', now=0.2).state is State.STOPPED
     assert supervisor.assessed_by == 'derived'
+
+
+def test_a_measure_close_to_the_threshold_is_judged_live():
+    # One free strut leaves t = 0.5: safe from a threshold far below, not from one beside it.
+    for threshold, by in ((0.01, 'anticipated'), (0.46, 'derived')):
+        values = place('fsm_4_strut', 0)
+        supervisor = filled(started('fsm_4_strut', values, tolerance_threshold=threshold))
+        supervisor.joint_reading(values + 1e-4 * np.array([1.0, 0.0, -1.0, 0.0]), 0.05)
+        supervisor.step(0.05)
+        assert failing(supervisor, 'torque', 'theta_2').state is State.DEGRADED
+        assert supervisor.assessed_by == by
 
 
 def test_what_is_not_in_the_table_is_judged_live():

@@ -164,6 +164,20 @@ def arm_at(bend: float):
     return law, law.resolved(differential_kinematics(rows), np.array([1.0, 0.0]))
 
 
+def test_a_measure_nearly_lost_is_said_with_what_is_hardly_moved():
+    mechanism = made(serial_3r())
+    first = np.arctan2(0.9, 0.5)
+    second = np.arctan2(0.2, 0.8) - first
+    values = np.array([0.0, 0.0, -second + 1e-3])  # two links nearly in line
+    rows = strut_rows(fitted_configuration(mechanism, values))
+    post = reconfigured(rows, failure_set(mechanism, [('stuck', mechanism.actuator_names[0])]))
+
+    assert post.verdict.tolerable
+    assert intolerance(post, present_measures(post), 0.01).endswith(
+        'is below the tolerance threshold 0.01; hardly moved: vx, vy'
+    )
+
+
 def test_near_a_singularity_the_command_slows_down_and_then_holds():
     scales = []
     for bend in (0.1, 1e-3, 6e-4, 3e-4):
