@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 HERE = Path(__file__).resolve().parent
 NODES = ('ros', 'launch', 'system')
-"""Folders whose tests measure how running nodes behave in time; the others follow by themselves."""
+"""Folders whose tests measure how running nodes behave in time; all others are found."""
 
 POLITE = 10
 """Niceness of what runs beside them."""
