@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 
 NOMINAL = [0.0070711, -0.0141421, -0.0070711, 0.0141421]
 STUCK_4 = [-0.0070711, -0.0282843, -0.0212132, 0.0]
+ATTEMPTS = 5
 NAMES = ['theta_1', 'theta_2', 'theta_3', 'theta_4']
 
 
@@ -285,11 +286,20 @@ def test_pause_holds_until_it_is_lifted(asking, probe):
     asking.settle(NOMINAL)
 
 
-def test_a_report_is_answered_at_once_by_the_new_kinematics(asking, probe):
-    asking.settle(NOMINAL)
-    probe.commands.clear()
-    report = asking.report('position', 'theta_4')
-    probe.wait(lambda: probe.commands, 'a command that no joint state asked for')
+def test_a_report_is_answered_at_once_by_the_new_kinematics(asking, probe, shared):
+    for _ in range(ATTEMPTS):
+        asking.settle(NOMINAL)
+        probe.commands.clear()
+        report = asking.report('position', 'theta_4')
+        probe.wait(lambda: probe.commands, 'a command that no joint state asked for')
+        if any(probe.commands[0].data):
+            break
+        # A busy machine: meanwhile the velocity asked for has timed out.
+        probe.wait_for_state('hold')
+        probe.wait(lambda: asking.step() and probe.state == 'degraded', 'degraded')
+        asked = asking.asked
+        shared.renew()
+        asking.asked = asked
     assert list(probe.commands[0].data) == pytest.approx(STUCK_4, abs=1e-6)
     assert probe.commands[0].data[3] == 0.0
     probe.wait_for_state('degraded')
