@@ -86,11 +86,10 @@ soak: venv  ## A failure and a clearing every second (SECONDS=1800, ARGS=...)
 	SOAK_SECONDS=$(or $(SECONDS),1800) $(RUN) -m pytest test/system/test_soak.py -s $(ARGS)
 
 test: venv  ## Run every test, the ROS ones also with message fields checked
-	ROS_PYTHON_CHECK_FIELDS=1 $(RUN) -m pytest test/ros $(ARGS)
-	$(RUN) -m pytest $(ARGS)
+	@$(RUN) test/everything.py $(ARGS)
 
 test-pins: $(PINS_STAMP)  ## Run every test with the versions of Ubuntu 24.04
-	$(PINS_VENV)/bin/python -m pytest $(ARGS)
+	@$(PINS_VENV)/bin/python test/everything.py $(ARGS)
 
 $(PINS_STAMP): setup.py setup.cfg package.xml .ci/ubuntu-24.04.txt
 	@echo "Preparing $(PINS_VENV) with $(or $(PINS_PYTHON),$(BASE_PYTHON))"

@@ -168,13 +168,27 @@ def pytest_deselected(items):
     _DESELECTED.extend(items)
 
 
+def _whole_folders(config):
+    """Return the folders of which a run takes every test; None if it takes only some."""
+    if _DESELECTED:
+        return None
+    tests = config.rootpath / 'test'
+    if config.args_source is not config.ArgsSource.ARGS:
+        return [tests]
+    asked = [config.invocation_params.dir / name for name in config.args]
+    return asked if all(path.is_dir() and path.parent == tests for path in asked) else None
+
+
 def _named_but_not_run(config):
-    """Return the tests that docs/robustness.md names and a run of the whole suite left out."""
+    """Return the tests that docs/robustness.md names and a run of whole folders left out."""
     table = config.rootpath / 'docs' / 'robustness.md'
-    if config.args_source is config.ArgsSource.ARGS or _DESELECTED or not table.is_file():
+    folders = _whole_folders(config)
+    if not folders or not table.is_file():
         return []
     named = re.findall(r'`(\w[\w/]*\.py::\w+)`', table.read_text(encoding='utf-8'))
-    return sorted({f'test/{name}' for name in named} - _RAN)
+    return sorted({f'test/{name}' for name in named
+                   if any((config.rootpath / 'test' / name).is_relative_to(folder)
+                          for folder in folders)} - _RAN)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -118,9 +118,9 @@ def test_installed_controller_runs(workspace, states):
         cwd=workspace.folder, env=workspace.environment, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
-        state = states(timeout=30)
+        state = states(timeout=60)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=10)
+        output, _ = process.communicate(timeout=60)
     finally:
         process.kill()
     assert state == 'waiting', output

@@ -130,6 +130,22 @@ def test_a_whole_run_must_include_what_the_table_names(run_pytest, tmp_path):
         assert ('but not run: test/test_given.py::test_gone' in result.stdout) is said
 
 
+def test_a_run_of_whole_folders_must_include_what_the_table_names_of_them(run_pytest, tmp_path):
+    (tmp_path / 'docs').mkdir()
+    for name in ('core', 'ros'):
+        (tmp_path / 'test' / name).mkdir(parents=True)
+        (tmp_path / 'test' / name / f'test_of_{name}.py').write_text(PASSES)
+    table = ''.join(TABLE.format(name).replace('test_given', f'{folder}/test_of_{folder}')
+                    for folder in ('core', 'ros') for name in (f'gone_{folder}', 'that_passes'))
+    (tmp_path / 'docs' / 'robustness.md').write_text(table)
+    result = run_pytest('', where=['test/core'])
+    assert result.returncode == 1, result.stdout
+    assert 'but not run: test/core/test_of_core.py::test_gone_core' in result.stdout
+    assert result.stdout.count('but not run') == 1
+    result = run_pytest('', where=['test/core', 'test/ros/test_of_ros.py'])
+    assert result.returncode == 0, result.stdout
+
+
 def test_a_run_of_some_tests_need_not_include_what_the_table_names(run_pytest, tmp_path):
     (tmp_path / 'docs').mkdir()
     (tmp_path / 'test').mkdir()

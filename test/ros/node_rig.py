@@ -31,7 +31,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from fault_tolerance.nodes.spinning import make_executor
 
-PATIENCE = 15.0
+PATIENCE = 30.0
 """Seconds; far beyond what anything takes, so that a busy machine is no failure."""
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

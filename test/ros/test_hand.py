@@ -13,9 +13,10 @@ def command(*words):
     )
 
 
-def test_a_fault_is_injected_and_released(start):
+def test_a_fault_is_injected_and_released(start, probe):
     start('fsm_simulator', mechanism='fsm_4_strut')
     start('controller', mechanism='fsm_4_strut')
+    probe.wait_for_state('nominal')
 
     broken = command('inject', 'stuck', 'theta_4')
     assert (broken.returncode, broken.stdout) == (0, 'degraded\n'), broken.stderr

@@ -86,6 +86,15 @@ def test_figures_and_gains_may_be_changed_with_an_answer(start, probe):
     assert (angular.x, angular.y) == pytest.approx((2e-3, 2e-3), abs=1e-9)
 
 
+@pytest.fixture(scope='module')
+def shared(ros, start_for_module):
+    """A probe beside a reference that nothing can change."""
+    probe = Probe('shared')
+    start_for_module('pointing_reference', 'shared')
+    yield probe
+    probe.close()
+
+
 @pytest.mark.parametrize(
     ('name', 'value', 'reason'),
     [
@@ -96,9 +105,8 @@ def test_figures_and_gains_may_be_changed_with_an_answer(start, probe):
         ('mechanism', 'fsm_4_strut', 'read-only'),
     ],
 )
-def test_a_bad_change_is_refused_with_a_reason(start, probe, name, value, reason):
-    start('pointing_reference')
-    answer = probe.set_parameter('pointing', name, value)
+def test_a_bad_change_is_refused_with_a_reason(shared, name, value, reason):
+    answer = shared.set_parameter('pointing', name, value)
     assert not answer.successful
     assert reason in answer.reason
 

@@ -29,7 +29,9 @@ def robot(ros):
 
 
 def test_it_tells_how_things_stand(robot, start):
-    start('controller', namespace='robot', mechanism='mirror_4_strut')
+    # Patient with a busy machine: nothing is to be late here.
+    start('controller', namespace='robot', mechanism='mirror_4_strut',
+          joint_state_timeout=30.0, command_timeout=30.0)
     watcher = Watcher(robot.node)
     assert watcher.snapshot().state == ''
     plant = Plant(robot, NAMES)
@@ -81,8 +83,9 @@ def test_metrics_that_make_no_sense_are_survived(robot):
     assert watcher.snapshot().actuators == ()
 
 
-def test_lines_go_to_a_pipe_and_a_picture_to_a_terminal(start):
+def test_lines_go_to_a_pipe_and_a_picture_to_a_terminal(robot, start):
     start('controller', namespace='robot', mechanism='fsm_4_strut')
+    robot.wait_for_state('waiting')
     options = ['--namespace', 'robot', '--duration', '8']
     master, slave = pty.openpty()
     on_screen = subprocess.Popen(

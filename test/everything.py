@@ -1,0 +1,109 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
+
+The tests of running nodes mostly wait for each other; what else there is, computes meanwhile, in
+a process of its own that gives way to them. Those of the nodes run twice: with and without the
+fields of messages checked. Every part must pass, and none may be empty.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from xml.etree import ElementTree
+
+HERE = Path(__file__).resolve().parent
+NODES = ('ros', 'launch', 'system')
+"""Folders whose tests measure how running nodes behave in time; all others are found."""
+
+POLITE = 10
+"""Niceness of what runs beside them."""
+
+
+def folders() -> tuple[list[str], list[str]]:
+    """Return the folders with tests of nodes and all others, as pytest is told them."""
+    found = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
+    nodes = [name for name in NODES if name in found]
+    return ([f'{HERE.name}/{name}' for name in nodes],
+            [f'{HERE.name}/{name}' for name in found if name not in nodes])
+
+
+class Part:
+    """One run of pytest.
+
+    Parameters
+    ----------
+    report : Path
+        Where pytest is to write what became of each test.
+    arguments : list of str
+    log : Path, optional
+        Where its output goes, if not where ours goes; then it is also polite.
+    variables : str
+        What it needs in its environment.
+    """
+
+    def __init__(
+        self, report: Path, arguments: list[str], log: Path | None = None, **variables: str
+    ) -> None:
+        self._report, self._log = report, log
+        command = [sys.executable, '-m', 'pytest', f'--junitxml={report}', *arguments]
+        print(*(f'{name}={value}' for name, value in variables.items()), 'pytest', *arguments,
+              '(in the background)' if log else '', flush=True)
+        self._process = subprocess.Popen(
+            command, cwd=HERE.parent, env={**os.environ, **variables},
+            stdout=log and log.open('w'), stderr=log and subprocess.STDOUT,
+            preexec_fn=(lambda: os.nice(POLITE)) if log else None,
+        )
+
+    def ended(self) -> Counter[str]:
+        """Wait for its end, show its output, and return how many tests ended how."""
+        code = self._process.wait()
+        if self._log:
+            print(self._log.read_text(errors='replace'), flush=True)
+        count: Counter[str] = Counter()
+        if self._report.exists():
+            suite = ElementTree.parse(self._report).find('.//testsuite')
+            for name, attribute in (('failed', 'failures'), ('error', 'errors'),
+                                    ('skipped', 'skipped')):
+                count[name] = int(suite.get(attribute))
+            count['passed'] = int(suite.get('tests')) - count.total()
+        if (code or not count['passed']) and not count['failed'] + count['error']:
+            count['error'] += 1
+        return count
+
+    def end(self) -> None:
+        """End it, if it still runs."""
+        self._process.kill()
+        self._process.wait()
+
+
+def main(arguments: list[str]) -> int:
+    """Run everything, sum it up as pytest does, and return an exit code."""
+    begin = time.monotonic()
+    nodes, others = folders()
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        beside = Part(folder / 'others.xml', [*others, *arguments], folder / 'log',
+                      OPENBLAS_NUM_THREADS='1')
+        try:
+            first = [name for name in nodes if name.endswith('/ros')]
+            count = Part(folder / 'checked.xml', [*first, *arguments],
+                         ROS_PYTHON_CHECK_FIELDS='1').ended()
+            count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
+            count += beside.ended()
+        finally:
+            beside.end()
+    told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')
+                     if (number := count[name]))
+    print(f' {told} in {time.monotonic() - begin:.2f}s '.center(80, '='), flush=True)
+    return 1 if count['failed'] + count['error'] else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
