@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 
 from fault_tolerance.control.judgement import PostFailureModel, intolerance
-from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.measures import (
     NextFailure,
@@ -124,7 +123,7 @@ class Assessor:
         self._threshold = threshold
         self._model = PostFailureModel()
         self._fit = Fit((b'', ()), None, None)
-        self._nominal: DifferentialKinematics | None = None
+        self._post: PostFailure | None = None
 
     @property
     def unclosed(self) -> str:
@@ -145,19 +144,18 @@ class Assessor:
         if fit.configuration is None or fit.rows is None:
             return Prospect(fit, None)
         # New failures are judged even then, where the loops last closed.
-        nominal = self._nominal if fit is self._fit else None
+        last = self._post if fit is self._fit else None
+        nominal = last.nominal if last is not None and last.rows is fit.rows else None
         post = self._model.foreseen(fit.rows, failures, nominal)
         return Prospect(fit, Assessment(fit.configuration, post, self._threshold))
 
     def adopt(self, prospect: Prospect) -> None:
         """Go on from ``prospect``, foreseen before."""
         self._fit = prospect.fit
-        self._nominal = None
+        self._post = None
         if prospect.assessment is not None:
-            post = prospect.assessment.post
-            self._model.adopt(post)
-            if post.rows is prospect.fit.rows:
-                self._nominal = post.nominal
+            self._post = prospect.assessment.post
+            self._model.adopt(self._post)
 
     def prepare(self) -> None:
         """Work out what the way on from here will need, before it is needed."""

@@ -5,7 +5,10 @@
 
 from __future__ import annotations
 
-from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.kinematics.differential import (
+    DifferentialKinematics,
+    weakest_constraint,
+)
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.measures import PresentMeasures, present_measures
 from fault_tolerance.kinematics.reconfiguration import (
@@ -30,9 +33,7 @@ class PostFailureModel:
     """
 
     def __init__(self) -> None:
-        self._failures = FailureSet()
-        self._nominal = 0
-        self._present = 0
+        self._last: PostFailure | None = None
 
     def at(self, rows: StrutRows, failures: FailureSet) -> PostFailure:
         """Return the kinematics at ``rows`` with ``failures`` present, and go on from them."""
@@ -62,18 +63,22 @@ class PostFailureModel:
 
     def adopt(self, post: PostFailure) -> None:
         """Go on from ``post``, as foreseen before."""
-        self._failures = post.failures
-        self._nominal = _freedom(post.nominal)
-        self._present = _freedom(post.present)
+        self._last = post
 
     def _is_undecided(self, post: PostFailure, compliance: float) -> bool:
         """Return whether a freedom is gone by a constraint only just above the compliance."""
-        limit = COMPLIANCE_BAND * compliance
-        if post.nominal.weakest_kept <= limit and _freedom(post.nominal) < self._nominal:
-            return True
-        if post.failures != self._failures:
+        limit, last = COMPLIANCE_BAND * compliance, self._last
+        if last is None:
             return False
-        return post.present.weakest_kept <= limit and _freedom(post.present) < self._present
+        if weakest_constraint(post.rows) <= limit and (
+            _freedom(post.nominal) < _freedom(last.nominal)
+        ):
+            return True
+        if post.failures != last.failures:
+            return False
+        return post.present.weakest_kept <= limit and (
+            _freedom(post.present) < _freedom(last.present)
+        )
 
 
 def _freedom(kinematics: DifferentialKinematics) -> int:

@@ -11,6 +11,7 @@ very next step, wherever that is called from.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -78,6 +79,7 @@ class Supervisor:
         self._contradiction = ''
         self._table = PostFailureTable(mechanism, self._assessor, self._law)
         self._assessment: Assessment | None = None
+        self._judged: Assessment | None = None
         self.assessed_by = ''
         self._outdated = False
         self._paused = False
@@ -199,13 +201,13 @@ class Supervisor:
 
         Should that fail, the output rests though the command did not.
         """
-        given = self._given
         try:
-            self._look_back(given.time)
-            if given.sound:
+            self._look_back(self._given.time)
+            if self._given.sound:
                 self._errors = 0
         except Exception as error:
-            given = self._given = self._halted(error, given.time)
+            self._given = self._halted(error, self._given.time)
+        given = self._given
         self._transition.passed(
             given.rates,
             given.achieved[self.mechanism.task.rows],
@@ -236,7 +238,9 @@ class Supervisor:
         if self._outdated and values is not None:
             self._assess(values)
         assessment = self._assessment
-        stop = self._ledger.stop_reason or (assessment.intolerance if assessment else '')
+        if assessment is not None and not self._may_be_judged_later(assessment):
+            self._judged = assessment
+        stop = self._ledger.stop_reason or (self._judged.intolerance if self._judged else '')
         hold = self._hold_reason(now)
         resolved = None
         if assessment and not (stop or hold or self._machine.stop):
@@ -244,15 +248,7 @@ class Supervisor:
             kinematics = post.present if self.settings.recovery else post.nominal
             resolved = self._law.resolved(kinematics, self._asked(now))
             hold = self._law.obstacle(resolved)
-        decision = self._machine.decide(
-            Conditions(
-                stop=stop,
-                hold=hold,
-                waiting='' if assessment else _WAITING,
-                degraded=assessment.post.verdict.reason if assessment and self.failures else '',
-                nominal='no failure',
-            )
-        )
+        decision = self._machine.decide(self._conditions(stop, hold))
         if values is None or resolved is None or not decision.moves:
             return self._resting(decision, now)
         limited = self._law.limited(
@@ -261,6 +257,34 @@ class Supervisor:
             lambda target, within: self._transition.eased(target, within, self.failures, now),
         )
         return Command(limited.command.rates, limited.command.twist, decision, now, limited)
+
+    def _may_be_judged_later(self, assessment: Assessment) -> bool:
+        """Return whether the verdict can wait until the command is out.
+
+        It can where the same failures were tolerated at the configuration before, and nothing
+        drifts: what the command must not come near is looked at anyway (`CommandLaw.obstacle`).
+        New failures are judged at once.
+        """
+        judged = self._judged
+        return (
+            judged is not None
+            and assessment is not judged
+            and bool(self.failures)
+            and judged.post.failures == assessment.post.failures
+            and not judged.intolerance
+            and assessment.post.present.stable
+            and assessment.post.present.mobility == judged.post.present.mobility
+        )
+
+    def _conditions(self, stop: str, hold: str) -> Conditions:
+        judged = self._judged
+        return Conditions(
+            stop=stop,
+            hold=hold,
+            waiting='' if self._assessment else _WAITING,
+            degraded=judged.post.verdict.reason if judged and self.failures else '',
+            nominal='no failure',
+        )
 
     def _resting(self, decision: Decision, now: float, *, sound: bool = True) -> Command:
         return Command(self._rest, _NO_TWIST, decision, now, None, sound)
@@ -279,6 +303,15 @@ class Supervisor:
         if read is not None and self.settings.recovery:
             values = without_lost(self.mechanism, read, self.failures)
             self._plausibility.observe(values, self._output.rates, self.failures, now)
+        assessment, given = self._assessment, self._given
+        if assessment is not self._judged:
+            self._judged = assessment
+            stop = assessment.intolerance if assessment else ''
+            if stop or given.decision.state is State.DEGRADED:
+                decision = self._machine.decide(self._conditions(stop, ''))
+                if stop:
+                    given = self._resting(decision, given.time)
+                self._given = replace(given, decision=decision)
         self._assessor.prepare()
 
     def _assess(self, values: FloatArray) -> None:

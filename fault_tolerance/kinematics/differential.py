@@ -155,29 +155,32 @@ def differential_kinematics(
         rates[stuck] = 0.0
 
     # Columns of [twists; rates] span every motion; those the drives feel make T.
-    active = part.driving
+    active, weights = part.driving, rows.twist_scale[:, None]
     left, sigma, right = known or decomposed(rates[active])
     rank = rank_of(sigma, scale)
     dimension = len(rows.twist_scale)
     if rank == twists.shape[1]:
         unactuated = _NONE[:dimension]
-        twists = twists / rows.twist_scale[:, None]
+        per_rate = right.T / sigma
+        scaled = twists.dot(per_rate)
     else:
-        unactuated = _independent(twists @ right[rank:].T) / rows.twist_scale[:, None]
+        unactuated = _independent(twists @ right[rank:].T) / weights
         # What the drives do not determine is chosen as the shortest motion, which needs an
         # orthonormal basis to have a meaning. The rank was decided above, whatever the units.
-        basis, _ = np.linalg.qr(np.vstack([twists / rows.twist_scale[:, None], rates]))
+        basis, _ = np.linalg.qr(np.vstack([twists / weights, rates]))
         twists, rates = basis[:dimension], basis[dimension:]
         left, sigma, right = decomposed(rates[active])
-    per_rate = right[:rank].T / sigma[:rank]
+        left = left[:, :rank]
+        per_rate = right[:rank].T / sigma[:rank]
+        scaled = weights * twists.dot(per_rate)
     if len(active) == len(rates):
-        mapping = rate_map = left[:, :rank]
+        mapping = rate_map = left
     else:
         mapping = np.zeros((len(rates), rank))
-        mapping[active] = left[:, :rank]
+        mapping[active] = left
         rate_map = rates.dot(per_rate)
-        rate_map[active] = left[:, :rank]
-    twist_jacobian = _without_noise(twists.dot(per_rate), mapping, rows)
+        rate_map[active] = left
+    twist_jacobian = _without_noise(scaled, mapping, rows) / weights
     return DifferentialKinematics(
         rows.mechanism.task,
         twist_jacobian.take(rows.task_rows, 0),
@@ -189,6 +192,13 @@ def differential_kinematics(
         rank_of(structure.sigma) - kept,
         weakest,
     )
+
+
+def weakest_constraint(rows: StrutRows) -> float:
+    """Return `DifferentialKinematics.weakest_kept` without failures, and without deriving them."""
+    structure = rows.constraints.structure_of(attachment_of(rows.mechanism))
+    kept = structure.kept(rows.compliance)
+    return float(structure.sigma[kept - 1]) if kept else np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,19 +271,16 @@ def _motions(
     return compatible @ motions[:width], rates
 
 
-def _without_noise(
-    twist_jacobian: FloatArray, mapping: FloatArray, rows: StrutRows
-) -> FloatArray:
-    """Return J (d, n) with 0 for the coordinates that the drives do not move.
+def _without_noise(scaled: FloatArray, mapping: FloatArray, rows: StrutRows) -> FloatArray:
+    """Return J (d, n), scaled, with 0 for the coordinates that the drives do not move.
 
     Otherwise rounding errors would pass for motion where there is nothing to compare them with.
     """
-    scaled = twist_jacobian * rows.twist_scale[:, None]
     squares: list[float] = row_products(scaled, scaled).tolist()
     least = ROUNDING_TOLERANCE**2 * max(_size_of_rates(mapping, rows) ** 2, sum(squares))
     if squares and min(squares) <= least:
-        twist_jacobian[[square <= least for square in squares]] = 0.0
-    return twist_jacobian
+        scaled[[square <= least for square in squares]] = 0.0
+    return scaled
 
 
 def _size_of_rates(rates: FloatArray, rows: StrutRows) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -62,13 +63,34 @@ class Verdict:
 
 @dataclass(frozen=True, eq=False)
 class PostFailure:
-    """Nominal and present kinematics at one configuration, with the verdict on the present."""
+    """The kinematics at one configuration with failures, and what follows when it is asked for.
+
+    Attributes
+    ----------
+    rows : StrutRows
+    failures : FailureSet
+    present : DifferentialKinematics
+        With the failures.
+    known_nominal : DifferentialKinematics or None
+        Without them, where it has been derived already.
+    """
 
     rows: StrutRows
     failures: FailureSet
-    nominal: DifferentialKinematics
     present: DifferentialKinematics
-    verdict: Verdict
+    known_nominal: DifferentialKinematics | None = None
+
+    @cached_property
+    def nominal(self) -> DifferentialKinematics:
+        """The kinematics without failures."""
+        if not self.failures:
+            return self.present
+        return self.known_nominal or differential_kinematics(self.rows)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the mechanism can do its task in this state, and why (not)."""
+        return verdict(self.rows, self.failures, self.nominal, self.present)
 
 
 def reconfigured(
@@ -88,10 +110,10 @@ def reconfigured(
         Of the same rows without failures, where the caller has it already.
     """
     failures = failures or FailureSet()
-    if nominal is None:
-        nominal = differential_kinematics(rows)
-    present = differential_kinematics(rows, failures) if failures else nominal
-    return PostFailure(rows, failures, nominal, present, verdict(rows, failures, nominal, present))
+    present = None if failures else nominal
+    return PostFailure(
+        rows, failures, present or differential_kinematics(rows, failures), nominal
+    )
 
 
 def verdict(
