@@ -143,7 +143,7 @@ class CommandLaw:
             lambda way: limited_rate(way, bounds, names),
         )
         command = limited.command
-        if not isfinite(float(command.rates.sum() + command.twist.sum())):
+        if not isfinite(float(command.rates.sum()) + sum(command.twist.tolist())):
             raise ArithmeticError('the command is not finite')
         return limited
 

@@ -129,9 +129,6 @@ class MisfitWatch:
 
     def objection(self, configuration: Configuration) -> str:
         """Return why ``configuration`` is not to be trusted; empty if it is."""
-        if not configuration.misfit.any():
-            self._exceeded = False
-            return ''
         limit = self._limit * configuration.mechanism.characteristic_length
         misfit = configuration.largest_misfit
         # What hovers at the limit must not set the mechanism moving and halting all the time.

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
@@ -150,8 +151,14 @@ class TaskInverse:
             If the velocity has the wrong length or is not finite.
         """
         count = len(self.kinematics.task.coordinates)
-        asked = frozen_array(velocity, (count,), 'task velocity')
-        size = max(map(abs, asked.tolist()))
+        asked = velocity
+        if velocity.shape != (count,) or velocity.flags.writeable:
+            asked = frozen_array(velocity, (count,), 'task velocity')
+        values = asked.tolist()
+        if not isfinite(sum(values)):
+            # It may only be that large numbers add up to too much.
+            asked = frozen_array(velocity, (count,), 'task velocity')
+        size = max(map(abs, values))
         # A huge velocity must overflow nowhere on the way.
         bounded = asked if size <= LARGEST_SPEED else LARGEST_SPEED * (asked / size)
         return ResolvedRate(

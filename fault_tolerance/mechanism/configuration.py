@@ -269,4 +269,4 @@ def _in_metres(mechanism: Mechanism, values: FloatArray) -> FloatArray:
 
 
 def _largest_misfit(mechanism: Mechanism, misfit: FloatArray) -> float:
-    return float(np.max(np.abs(_in_metres(mechanism, misfit)), initial=0.0))
+    return float(np.abs(_in_metres(mechanism, misfit)).max(initial=0.0))
