@@ -39,13 +39,11 @@ LEAVING = 0.8
 
 
 class Plausibility:
-    """Everything that is watched.
+    """What is watched of single actuators.
 
     Parameters
     ----------
     mechanism : Mechanism
-    misfit_limit : float
-        See `MisfitWatch`.
 
     Attributes
     ----------
@@ -55,10 +53,9 @@ class Plausibility:
         The same as warnings.
     """
 
-    def __init__(self, mechanism: Mechanism, misfit_limit: float) -> None:
+    def __init__(self, mechanism: Mechanism) -> None:
         self._strokes = StrokeWatch(mechanism)
         self._motions = MotionWatch(mechanism)
-        self._misfit = MisfitWatch(misfit_limit)
         self.out_of_range: tuple[str, ...] = ()
         self.inconsistent: tuple[str, ...] = ()
         self.notices: tuple[Notice, ...] = ()
@@ -85,10 +82,6 @@ class Plausibility:
             for reason, names, text in texts
             if names
         )
-
-    def objection_to(self, configuration: Configuration) -> str:
-        """Return why ``configuration`` is not to be trusted; empty if it is."""
-        return self._misfit.objection(configuration)
 
 
 class StrokeWatch:

@@ -16,8 +16,7 @@ from math import inf
 
 import numpy as np
 
-from fault_tolerance.control.anticipation import PostFailureTable
-from fault_tolerance.control.assessment import Assessment, Assessor, without_lost
+from fault_tolerance.control.assessment import without_lost
 from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.inputs import WatchedInput
 from fault_tolerance.control.ledger import FailureLedger, LedgerUpdate
@@ -29,6 +28,7 @@ from fault_tolerance.control.readings import unusable
 from fault_tolerance.control.recovery import Conditions, Decision, State, StateMachine
 from fault_tolerance.control.reports import Report
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.situation import Situation
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import failures_in_words
@@ -49,11 +49,6 @@ class Supervisor:
     ----------
     mechanism : Mechanism
     settings : Settings, optional
-
-    Attributes
-    ----------
-    assessed_by : str
-        Whether the last assessment was ``anticipated`` or ``derived`` when it was needed.
     """
 
     def __init__(self, mechanism: Mechanism, settings: Settings | None = None) -> None:
@@ -74,14 +69,8 @@ class Supervisor:
         self._machine = StateMachine()
         self._law = CommandLaw(mechanism, self.settings)
         self._transition = self._law.transition()
-        self._assessor = Assessor(mechanism, self.settings.tolerance_threshold)
-        self._plausibility = Plausibility(mechanism, self.settings.misfit_limit)
-        self._contradiction = ''
-        self._table = PostFailureTable(mechanism, self._assessor, self._law)
-        self._assessment: Assessment | None = None
-        self._judged: Assessment | None = None
-        self.assessed_by = ''
-        self._outdated = False
+        self._situation = Situation(mechanism, self.settings, self._law)
+        self._plausibility = Plausibility(mechanism)
         self._paused = False
         self._errors = 0
         self._now = -inf
@@ -97,6 +86,11 @@ class Supervisor:
     def failures(self) -> FailureSet:
         """The failures in force."""
         return self._ledger.failures
+
+    @property
+    def assessed_by(self) -> str:
+        """Whether the last assessment was ``anticipated`` or ``derived`` when it was needed."""
+        return self._situation.assessed_by
 
     @property
     def output(self) -> Output:
@@ -126,7 +120,7 @@ class Supervisor:
         lost = self.failures.lost
         taken = np.array(values, dtype=np.float64)
         notice = unusable(self.mechanism, taken, lost) or self._readings.offer(taken, now, stamp)
-        self._outdated = self._outdated or notice is None
+        self._situation.outdated |= notice is None
         return notice
 
     def task_velocity(
@@ -150,7 +144,7 @@ class Supervisor:
         self._pass_time(now)
         update = self._ledger.apply(reports, now)
         if update.changed:
-            self._outdated = True
+            self._situation.outdated = True
             self._reported_at = started
         return update
 
@@ -158,7 +152,7 @@ class Supervisor:
         """Release what is no longer reported, lift a stop, and judge what is left."""
         self._pass_time(now)
         cleared = self._ledger.clear(now)
-        self._outdated = True
+        self._situation.outdated = True
         self._errors = 0
         was_stopped = self._machine.release()
         state = self.step(now).state.value
@@ -220,7 +214,7 @@ class Supervisor:
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
-        return metrics_of(self.mechanism, self._output, self._assessment)
+        return metrics_of(self.mechanism, self._output, self._situation.assessment)
 
     def anticipate(self) -> bool:
         """Work out what one further failure would come to; return whether there was any to do.
@@ -228,19 +222,17 @@ class Supervisor:
         For times when nothing else is to be done: it takes about as long as a step.
         """
         values = self._readings.value
-        ready = self._assessment is not None and not (self._outdated or self._assessor.unclosed)
-        if values is None or self._machine.stop or not (ready and self.settings.anticipate):
+        if values is None or self._machine.stop:
             return False
-        return self._table.refresh_next(values, self.failures)
+        return self._situation.anticipate(values, self.failures)
 
     def _cycle(self, now: float) -> Command:
-        values = self._readings.value
-        if self._outdated and values is not None:
-            self._assess(values)
-        assessment = self._assessment
-        if assessment is not None and not self._may_be_judged_later(assessment):
-            self._judged = assessment
-        stop = self._ledger.stop_reason or (self._judged.intolerance if self._judged else '')
+        values, situation = self._readings.value, self._situation
+        if situation.outdated and values is not None:
+            self._unseen = values
+            situation.assess(values, self.failures)
+        assessment = situation.assessment
+        stop = self._ledger.stop_reason or situation.intolerance
         hold = self._hold_reason(now)
         resolved = None
         if assessment and not (stop or hold or self._machine.stop):
@@ -258,31 +250,13 @@ class Supervisor:
         )
         return Command(limited.command.rates, limited.command.twist, decision, now, limited)
 
-    def _may_be_judged_later(self, assessment: Assessment) -> bool:
-        """Return whether the verdict can wait until the command is out.
-
-        It can where the same failures were tolerated at the configuration before, and nothing
-        drifts: what the command must not come near is looked at anyway (`CommandLaw.obstacle`).
-        New failures are judged at once.
-        """
-        judged = self._judged
-        return (
-            judged is not None
-            and assessment is not judged
-            and bool(self.failures)
-            and judged.post.failures == assessment.post.failures
-            and not judged.intolerance
-            and assessment.post.present.stable
-            and assessment.post.present.mobility == judged.post.present.mobility
-        )
-
     def _conditions(self, stop: str, hold: str) -> Conditions:
-        judged = self._judged
+        situation = self._situation
         return Conditions(
             stop=stop,
             hold=hold,
-            waiting='' if self._assessment else _WAITING,
-            degraded=judged.post.verdict.reason if judged and self.failures else '',
+            waiting='' if situation.assessment else _WAITING,
+            degraded=situation.verdict if self.failures else '',
             nominal='no failure',
         )
 
@@ -303,42 +277,16 @@ class Supervisor:
         if read is not None and self.settings.recovery:
             values = without_lost(self.mechanism, read, self.failures)
             self._plausibility.observe(values, self._output.rates, self.failures, now)
-        assessment, given = self._assessment, self._given
-        if assessment is not self._judged:
-            self._judged = assessment
-            stop = assessment.intolerance if assessment else ''
-            if stop or given.decision.state is State.DEGRADED:
+        situation, given = self._situation, self._given
+        if situation.judge():
+            stop = situation.intolerance
+            decision = given.decision
+            if stop or decision.state is State.DEGRADED:
                 decision = self._machine.decide(self._conditions(stop, ''))
-                if stop:
-                    given = self._resting(decision, given.time)
-                self._given = replace(given, decision=decision)
-        self._assessor.prepare()
-
-    def _assess(self, values: FloatArray) -> None:
-        """Find out where the mechanism is, and whether the readings can be true."""
-        self._unseen = values
-        self._assessment = found = self._assessed(values)
-        self._contradiction = ''
-        if found is not None and not self._assessor.unclosed:
-            self._contradiction = self._plausibility.objection_to(found.configuration)
-
-    def _assessed(self, values: FloatArray) -> Assessment | None:
-        """Return the assessment; what a new failure comes to may have been worked out already."""
-        last = self._assessment
-        if last is not None and last.post.failures != self.failures:
-            found = self._table.found(values, self.failures, last.post.nominal.mobility)
-            if found is not None:
-                self._assessor.adopt(found.prospect)
-                if found.inverse is not None:
-                    self._law.adopt(found.inverse)
-                self.assessed_by = 'anticipated'
-                # From a little way off it does for one command.
-                self._outdated = not found.exact
-                return found.assessment
-        assessment = self._assessor.assessed(values, self.failures)
-        self.assessed_by = 'derived'
-        self._outdated = False
-        return assessment
+            if stop:
+                given = self._resting(decision, given.time)
+            self._given = replace(given, decision=decision)
+        situation.prepare()
 
     def _hold_reason(self, now: float) -> str:
         """Return why the mechanism must not move now though nothing is wrong with it for good."""
@@ -346,13 +294,7 @@ class Supervisor:
             return 'paused'
         if self._readings.has_ceased(now):
             return f'no usable joint state for {self.settings.joint_state_timeout:g} s'
-        if self._assessor.unclosed:
-            return self._assessor.unclosed
-        if self._contradiction:
-            return self._contradiction
-        if self._assessment and self._assessment.singularity:
-            return self._assessment.singularity
-        return ''
+        return self._situation.obstacle
 
     def _idle(self, now: float) -> str:
         """Return why nothing is asked for; empty if something is."""
@@ -377,7 +319,7 @@ class Supervisor:
 
     def _result(self, given: Command) -> Output:
         """Return the output that goes with a command."""
-        limited, assessment = given.limited, self._assessment
+        limited, assessment = given.limited, self._situation.assessment
         return Output(
             rates=given.rates,
             state=given.decision.state,

@@ -231,7 +231,7 @@ def test_what_cannot_be_worked_out_in_advance_is_left_to_the_live_path(monkeypat
         raise np.linalg.LinAlgError('SVD did not converge')
 
     with monkeypatch.context() as patch:
-        patch.setattr(supervisor._assessor, 'foreseen', fail)
+        patch.setattr(supervisor._situation._assessor, 'foreseen', fail)
         filled(supervisor)
     assert failing(supervisor, 'position', 'theta_4').state is State.DEGRADED
     assert supervisor.assessed_by == 'derived'
