@@ -22,7 +22,7 @@ from fault_tolerance.nodes.spinning import make_executor, turn
 HERE = Path(__file__).parent
 WINDOW = 1.5
 RATE = 100.0
-WINDOWS = 3
+WINDOWS = 8
 """Attempts: the machine itself may be in the way."""
 
 
