@@ -34,6 +34,7 @@ BURST = 1.0
 
 AT_A_TIME = 8
 STEPS_TO_ARRIVE = 10
+ATTEMPTS = 20
 LONG_PATIENCE = 60.0
 MECHANISM = mechanism_named('mirror_4_strut')
 NAMES = (*MECHANISM.actuator_names, *MECHANISM.strut_names)
@@ -173,7 +174,7 @@ class Bench:
         self, mode: str, name: str, values: list[float], hostile: Hostile
     ) -> np.ndarray:
         """Return a command (N,) at the joint values given with one failure and no other."""
-        while True:
+        for _ in range(ATTEMPTS):
             self.fail(mode, name)
             # On a busy machine joint states from before may still be on their way: until these
             # have passed, a command may answer those.
@@ -183,18 +184,19 @@ class Bench:
             found = self.moving(values)
             self.caught_up()
             # Or else nonsense that was still waiting has broken something more meanwhile.
-            if self.probe.mechanism['failures'] == f'{mode}:{name}':
+            if any(found) and self.probe.mechanism['failures'] == f'{mode}:{name}':
                 return found
             self.plant.asked = None
             self.cleared()
+        raise AssertionError(f'{mode} {name}: no command in {ATTEMPTS} attempts')
 
     def moving(self, values: list[float]) -> np.ndarray:
-        """Return a command (N,) at the joint values given that is not all zeros."""
+        """Return a command (N,) at the joint values given, not all zeros unless it is stopped."""
         found: list[float] = []
 
         def moves() -> bool:
             found[:] = self.plant.step(self.plant.joint_state(values))
-            return any(found)
+            return any(found) or self.probe.state == 'stopped'
 
         self.probe.wait(moves, 'a command that moves', LONG_PATIENCE)
         return np.array(found)
