@@ -80,10 +80,11 @@ campaign: venv  ## Try every single and double failure against the theory (ARGS=
 
 fuzz: venv  ## Send the nodes nonsense (SECONDS=600, SEED=1, ARGS=...)
 	FUZZ_SECONDS=$(or $(SECONDS),600) FUZZ_SEED=$(or $(SEED),1) \
-	  $(RUN) -m pytest test/system/test_fuzz.py -s $(ARGS)
+	  $(RUN) -m pytest -o faulthandler_timeout=0 test/system/test_fuzz.py -s $(ARGS)
 
 soak: venv  ## A failure and a clearing every second (SECONDS=1800, ARGS=...)
-	SOAK_SECONDS=$(or $(SECONDS),1800) $(RUN) -m pytest test/system/test_soak.py -s $(ARGS)
+	SOAK_SECONDS=$(or $(SECONDS),1800) \
+	  $(RUN) -m pytest -o faulthandler_timeout=0 test/system/test_soak.py -s $(ARGS)
 
 test: venv  ## Run every test, the ROS ones also with message fields checked
 	@$(RUN) test/everything.py $(ARGS)

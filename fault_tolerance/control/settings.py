@@ -28,8 +28,9 @@ class Settings:
     tolerance_threshold : float
         A measure of the present failures below it means that they are not tolerated. Turning
         drives are taken at the characteristic length here, so that units do not matter. The
-        default keeps some hundredths of the characteristic length clear of a singularity, more
-        than drives travel between two joint states (docs/theory.md, section 8).
+        default keeps the platforms that are shipped a hundredth of the characteristic length and
+        more clear of a singularity, farther than drives go between two joint states
+        (docs/theory.md, section 8).
     auto_clear : bool
         Whether a report that a part is healthy releases its failure.
     unknown_mode : {'stop', 'ignore'}
