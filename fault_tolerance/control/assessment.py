@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from fault_tolerance.control.judgement import PostFailureModel, intolerance
+from fault_tolerance.control.settings import Settings
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.measures import (
     NextFailure,
@@ -112,10 +113,19 @@ class Assessor:
     mechanism : Mechanism
     threshold : float
         The tolerance threshold.
+    misfit_limit : float
+        Characteristic lengths by which readings may contradict each other before the loops are
+        closed afresh, from home.
     """
 
-    def __init__(self, mechanism: Mechanism, threshold: float) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        threshold: float,
+        misfit_limit: float = Settings.misfit_limit,
+    ) -> None:
         self._mechanism = mechanism
+        self._most_misfit = misfit_limit * mechanism.characteristic_length
         # While the loops are closed the flexures absorb a little more than the verdict grants:
         # otherwise the fit itself would tip over at the threshold that the verdict is about.
         compliance = min(FIT_BAND * mechanism.compliance, MOST_COMPLIANCE)
@@ -168,14 +178,23 @@ class Assessor:
         last = self._fit.configuration
         mechanism, yielding = self._mechanism, self._yielding
         found = fitted_configuration(mechanism, read, failures.lost, last, yielding)
-        if not found.converged and last is not None:
-            # The last configuration may be a bad start, as after a long gap.
-            found = fitted_configuration(mechanism, read, failures.lost, compliance=yielding)
+        if last is not None and not self._agrees(found):
+            # The last configuration may be a bad start, as after a long gap, or after readings
+            # without sense: they may have left it upside down, where sound ones do not fit.
+            afresh = fitted_configuration(mechanism, read, failures.lost, compliance=yielding)
+            if not found.converged or (
+                afresh.converged and afresh.largest_misfit < found.largest_misfit
+            ):
+                found = afresh
         key = values.tobytes(), failures.lost
         if not found.converged:
             reason = 'the loops do not close at these joint values'
             return Fit(key, last, self._fit.rows, reason)
         return Fit(key, found, strut_rows(found))
+
+    def _agrees(self, found: Configuration) -> bool:
+        """Return whether the loops are closed, and the joint values with them."""
+        return found.converged and found.largest_misfit <= self._most_misfit
 
 
 def without_lost(mechanism: Mechanism, values: FloatArray, failures: FailureSet) -> FloatArray:

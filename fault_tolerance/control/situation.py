@@ -42,7 +42,9 @@ class Situation:
     def __init__(self, mechanism: Mechanism, settings: Settings, law: CommandLaw) -> None:
         self._law = law
         self._anticipates = settings.anticipate
-        self._assessor = Assessor(mechanism, settings.tolerance_threshold)
+        self._assessor = Assessor(
+            mechanism, settings.tolerance_threshold, settings.misfit_limit
+        )
         self._table = PostFailureTable(mechanism, self._assessor, law)
         self._misfit = MisfitWatch(settings.misfit_limit)
         self._contradiction = ''

@@ -140,6 +140,23 @@ def test_joint_values_that_no_loop_fits_are_not_assessed():
     assert assessor.unclosed == ''
 
 
+def test_readings_without_sense_do_not_leave_it_upside_down():
+    mirror = mechanism_named('mirror_4_strut')
+    assessor = Assessor(mirror, 1e-3)
+    nonsense = [
+        [0.0, -0.017, 0.035, 0.0], [-0.008, 0.0, 0.0, 0.0], [0.0, -0.147, 0.0, 0.169],
+        [-41.0, 1.9, -22.0, 0.0], [0.0, 0.0, -0.12, 0.46], [1.4, 0.0, -7.4, -42.0],
+    ]
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        for place in rng.permutation(len(nonsense))[:4]:
+            assessor.assessed(np.array(nonsense[place]), HEALTHY)
+        found = assessor.assessed(np.zeros(4), HEALTHY)
+        assert assessor.unclosed == ''
+        assert found.configuration.largest_misfit < 1e-9
+        np.testing.assert_allclose(found.configuration.pose[2, 2], 1.0)
+
+
 def test_readings_of_a_lost_strut_are_not_looked_at():
     lost = FailureSet(lost=('strut_4',))
     poses = []
