@@ -25,8 +25,10 @@ NODES = ('ros', 'launch')
 Those in ``system`` last, however busy the machine is, and may be kept waiting.
 """
 
-POLITE = 10
-"""Niceness of what runs beside them."""
+
+def give_way() -> None:
+    """Run only while nothing else wants the processor; for what runs beside them."""
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
 def folders() -> tuple[list[str], list[str]]:
@@ -61,7 +63,7 @@ class Part:
         self._process = subprocess.Popen(
             command, cwd=HERE.parent, env={**os.environ, **variables},
             stdout=log and log.open('w'), stderr=log and subprocess.STDOUT,
-            preexec_fn=(lambda: os.nice(POLITE)) if log else None,
+            preexec_fn=give_way if log else None,
         )
 
     def ended(self) -> Counter[str]:

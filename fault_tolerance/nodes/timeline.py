@@ -63,11 +63,7 @@ class TimeLine:
         nanoseconds = nanoseconds_from_msg(stamp)
         if nanoseconds == 0:
             return None
-        if self._clock.ros_time_is_active:
-            present = self._clock.now().nanoseconds
-        else:
-            present = time.time_ns()  # the same, without the objects around it
-        offset = present - time.monotonic_ns()
+        offset = self._clock.now().nanoseconds - time.monotonic_ns()
         if abs(offset - self._offset) > _JITTER:
             self._offset = offset
         return (nanoseconds - self._offset) * 1e-9
