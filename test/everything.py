@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
-The tests of running nodes mostly wait for each other; all others run meanwhile, in a process of
-its own that gives way to them. Those of the nodes run twice: with and without the fields of
-messages checked. Every part must pass, and none may be empty.
+The tests of running nodes run twice: with and without the fields of messages checked. They mostly
+wait for each other, so all others run beside the first time, in a process of its own that gives
+way to them; tests marked ``alone`` wait for its end. Every part must pass, none may be empty.
 """
 
 from __future__ import annotations
@@ -97,11 +97,15 @@ def main(arguments: list[str]) -> int:
         beside = Part(folder / 'others.xml', [*others, *arguments], folder / 'log',
                       OPENBLAS_NUM_THREADS='1')
         try:
+            count: Counter[str] = Counter()
             first = [name for name in nodes if name.endswith('/ros')]
-            count = Part(folder / 'checked.xml', [*first, *arguments],
-                         ROS_PYTHON_CHECK_FIELDS='1').ended()
+            for chosen in ('not alone', 'alone'):
+                part = Part(folder / f'{chosen}.xml', [*first, '-m', chosen, *arguments],
+                            ROS_PYTHON_CHECK_FIELDS='1')
+                count += part.ended()
+                if chosen == 'not alone':
+                    count += beside.ended()
             count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
-            count += beside.ended()
         finally:
             beside.end()
     told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')

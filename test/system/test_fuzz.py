@@ -34,6 +34,7 @@ BURST = 1.0
 
 AT_A_TIME = 8
 STEPS_TO_ARRIVE = 10
+LATE_ANSWERS = 10
 ATTEMPTS = 20
 LONG_PATIENCE = 60.0
 MECHANISM = mechanism_named('mirror_4_strut')
@@ -259,7 +260,12 @@ def test_nonsense_on_every_input(bench, probe):
         values = [turn, 0.0, -turn, 0.0]
         space = expected_space(values, mode, name)
         found = bench.moving_with(mode, name, values, hostile)
-        inside = space @ np.linalg.lstsq(space, found, rcond=None)[0]
+        for _ in range(LATE_ANSWERS):
+            inside = space @ np.linalg.lstsq(space, found, rcond=None)[0]
+            if np.allclose(found, inside, rtol=1e-7, atol=1e-9 * np.abs(found).max()):
+                break
+            # A busy machine may still answer a joint state from before.
+            found = bench.moving(values)
         np.testing.assert_allclose(found, inside, atol=1e-9 * np.abs(found).max())
         if mode == 'position':
             assert found[MECHANISM.actuator_names.index(name)] == 0.0
