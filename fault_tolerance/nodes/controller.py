@@ -49,6 +49,9 @@ METRICS_PERIOD = 0.2
 COLLECTION_PERIOD = 5.0
 """Seconds between two collections of garbage, made in idle time if there is any."""
 
+LATE = 3.0 * WATCHDOG_PERIOD
+"""Seconds between two watchdog periods after which messages may be waiting unread."""
+
 STALL = 0.15
 """Seconds between two watchdog periods that count as a stall."""
 
@@ -67,6 +70,7 @@ class Controller(Node):
         self._stepped = False
         self._line = TimeLine(self.get_clock())
         self._ticked = self._line.now()
+        self._excused = False
 
         prefix = values['hardware_id_prefix'].strip('/') or self.get_namespace().strip('/')
         identity = f'{prefix}/{NAME}' if prefix else NAME
@@ -147,13 +151,16 @@ class Controller(Node):
     def _on_watchdog(self) -> None:
         self.idle.activity += 1
         now = self._line.now()
-        if now - self._ticked > STALL:
+        late = now - self._ticked
+        if late > STALL:
             self._health.count('stalls')
         self._ticked = now
         self._read_reports()
+        # Being late itself, it does not know what is late: what has come meanwhile is read first.
+        self._excused = late > LATE and not self._excused
         # With joint states coming there is nothing to do; without, it may be time to stop. To
         # set anything moving is not the business of a timer.
-        if not self._stepped:
+        if not (self._stepped or self._excused):
             output = self._supervisor.step(now)
             if self._commands.moving and not output.rates.any():
                 self._commands.send(output.rates, output.achieved)

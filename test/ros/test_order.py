@@ -13,8 +13,9 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from fault_tolerance.control.recovery import State
 from fault_tolerance.nodes.commanding import CommandPublisher
-from fault_tolerance.nodes.controller import Controller
+from fault_tolerance.nodes.controller import LATE, Controller
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.idle import SHARE, IdleTime, Job
 from fault_tolerance.nodes.publishing import MetricsPublisher
@@ -104,6 +105,19 @@ def test_without_a_moments_rest_the_watchdog_tells(node, told):
     told.clear()
     node._on_watchdog()
     assert told == ['state', 'metrics']
+
+
+def test_a_watchdog_that_was_late_lets_what_has_arrived_be_read_first(node):
+    node._on_joint_state(joint_state(node))
+    node._on_watchdog()
+    assert node._supervisor.output.state is State.NOMINAL
+    time.sleep(2 * node._supervisor.settings.joint_state_timeout)
+    node._on_watchdog()
+    assert node._supervisor.output.state is State.NOMINAL
+    # Nothing had arrived; and late again is no excuse.
+    time.sleep(2 * LATE)
+    node._on_watchdog()
+    assert node._supervisor.output.state is State.HOLD
 
 
 def test_long_work_is_only_begun_when_no_message_is_about_to_come():
