@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
-The tests of running nodes run twice: with and without the fields of messages checked. They mostly
-wait for each other, so all others run beside the first time, in a process of its own that gives
-way to them; tests marked ``alone`` wait for its end. Every part must pass, none may be empty.
+The tests of running nodes measure time, so nothing runs beside them. They run twice: with and
+without the fields of messages checked. Before that the others run, in two processes at once.
+Every part must pass, and none may be empty.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from xml.etree import ElementTree
 
 HERE = Path(__file__).resolve().parent
 NODES = ('ros', 'launch')
-"""Folders whose tests measure how running nodes behave in time; all others are found.
+"""Folders whose tests measure how running nodes behave in time; all others are found."""
 
-Those in ``system`` last, however busy the machine is, and may be kept waiting.
-"""
+BESIDE = ('core',)
+"""Folders of the others that need no nodes either: they give way to the rest of them."""
+
+
+def folders() -> tuple[list[str], list[str], list[str]]:
+    """Return the folders of nodes, those in the background, and all others."""
+    found = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
+    kinds = [name for name in NODES if name in found], [name for name in BESIDE if name in found]
+    rest = [name for name in found if name not in (*NODES, *BESIDE)]
+    return tuple([f'{HERE.name}/{name}' for name in kind] for kind in (*kinds, rest))
 
 
 def give_way() -> None:
-    """Run only while nothing else wants the processor; for what runs beside them."""
+    """Run only while nothing else wants the processor; for what runs beside others."""
     os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-
-
-def folders() -> tuple[list[str], list[str]]:
-    """Return the folders with tests of nodes and all others, as pytest is told them."""
-    found = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
-    nodes = [name for name in NODES if name in found]
-    return ([f'{HERE.name}/{name}' for name in nodes],
-            [f'{HERE.name}/{name}' for name in found if name not in nodes])
 
 
 class Part:
@@ -91,23 +91,20 @@ class Part:
 def main(arguments: list[str]) -> int:
     """Run everything, sum it up as pytest does, and return an exit code."""
     begin = time.monotonic()
-    nodes, others = folders()
+    nodes, background, others = folders()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        beside = Part(folder / 'others.xml', [*others, *arguments], folder / 'log',
+        beside = Part(folder / 'beside.xml', [*background, *arguments], folder / 'log',
                       OPENBLAS_NUM_THREADS='1')
         try:
-            count: Counter[str] = Counter()
-            first = [name for name in nodes if name.endswith('/ros')]
-            for chosen in ('not alone', 'alone'):
-                part = Part(folder / f'{chosen}.xml', [*first, '-m', chosen, *arguments],
-                            ROS_PYTHON_CHECK_FIELDS='1')
-                count += part.ended()
-                if chosen == 'not alone':
-                    count += beside.ended()
-            count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
+            count = Part(folder / 'others.xml', [*others, *arguments]).ended()
+            count += beside.ended()
         finally:
             beside.end()
+        first = [name for name in nodes if name.endswith('/ros')]
+        count += Part(folder / 'checked.xml', [*first, *arguments],
+                      ROS_PYTHON_CHECK_FIELDS='1').ended()
+        count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
     told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')
                      if (number := count[name]))
     print(f' {told} in {time.monotonic() - begin:.2f}s '.center(80, '='), flush=True)

@@ -174,7 +174,6 @@ def test_plots_have_topics_and_labels_of_their_own(running):
         assert len(messages[-1].data) == 4
 
 
-@pytest.mark.alone
 def test_metrics_come_five_times_a_second(running):
     running.metrics.clear()
 

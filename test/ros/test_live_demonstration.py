@@ -40,7 +40,6 @@ def check_recording(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.alone
 def test_recovery_is_seen_to_work(tmp_path):
     for attempt in range(ATTEMPTS):
         folder = tmp_path / str(attempt)

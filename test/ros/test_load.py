@@ -80,7 +80,6 @@ def resident(pid: int) -> float:
     return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize('kind', ['identical', 'changing', 'ours'])
 def test_a_flood_of_diagnostics_costs_the_commands_nothing(plant, probe, controller, kind):
     quiet = 0.0

@@ -67,7 +67,6 @@ def pair(start, probe):
     return Pair(probe, start)
 
 
-@pytest.mark.alone
 def test_killed_and_restarted_the_controller_is_degraded_again_with_the_same_kinematics(
     pair, probe
 ):
