@@ -114,9 +114,10 @@ def _areas(rows: FloatArray) -> FloatArray:
     first, second = _pairs(width)
     minors = rows.take(first, 1)[:, None] * rows.take(second, 1)
     minors -= minors.transpose(1, 0, 2).copy()
-    minors *= minors
-    areas: FloatArray = np.sqrt(minors.dot(np.ones(len(first))))
-    return areas
+    if len(first) == 1:
+        return np.abs(minors[..., 0])
+    flat = minors.reshape(count * count, -1)
+    return np.sqrt(row_products(flat, flat)).reshape(count, count)
 
 
 @lru_cache(maxsize=64)

@@ -17,6 +17,9 @@ from scipy.linalg.lapack import dgesdd
 
 from fault_tolerance.mechanism.arrays import FloatArray
 
+_ONES = np.ones(64)
+_ONES.setflags(write=False)
+
 
 def decomposed(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the singular value decomposition of ``matrix`` (r, c), all right directions included.
@@ -60,7 +63,9 @@ def singular_values(matrix: FloatArray) -> FloatArray:
 
 def row_products(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the scalar products (r,) of the rows of two arrays (r, c)."""
-    products: FloatArray = (first * second).dot(np.ones(first.shape[1]))
+    width = first.shape[1]
+    ones = _ONES[:width] if width <= len(_ONES) else np.ones(width)
+    products: FloatArray = (first * second).dot(ones)
     return products
 
 

@@ -178,7 +178,7 @@ def test_chord_steps_lead_where_newton_steps_lead(name, seed, step, losses):
     np.testing.assert_allclose(
         *(each[attachment.held] for each in values), atol=1e-9 if agreed else 1e-6)
     # A lost strut's joints only follow the platform, a step behind.
-    np.testing.assert_allclose(*values, atol=1e-6)
+    np.testing.assert_allclose(*values, atol=1e-5)
     certificate = Closure(mechanism, lost).certified(closed.state, True, 1)
     assert closed.open == certificate.open
 
