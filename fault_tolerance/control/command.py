@@ -16,7 +16,12 @@ from fault_tolerance.control.limits import (
     rate_bounds,
     singularity_scale,
 )
-from fault_tolerance.control.resolved_rate import RateResolver, ResolvedRate, TaskInverse
+from fault_tolerance.control.resolved_rate import (
+    RateResolver,
+    ResolvedRate,
+    TaskInverse,
+    common,
+)
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Transition
 from fault_tolerance.kinematics.differential import (
@@ -57,8 +62,7 @@ class CommandLaw:
         self._resolver = RateResolver(
             mechanism.task, twist_scale=self._twist_scale, rate_scale=self._rate_scale
         )
-        units = set(self._rate_scale.tolist())
-        self._unit = units.pop() if len(units) == 1 else None
+        self._unit = common(self._rate_scale)
         self._inverse: TaskInverse | None = None
         self._loose: tuple[DifferentialKinematics, float] | None = None
         self._near_singular = False

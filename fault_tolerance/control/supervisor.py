@@ -272,7 +272,7 @@ class Supervisor:
                              sound=False)
 
     def _look_back(self, now: float) -> None:
-        """See whether the readings just used agree with what was commanded before."""
+        """Compare the readings just used with the commands before, and judge what was not yet."""
         read, self._unseen = self._unseen, None
         if read is not None and self.settings.recovery:
             values = without_lost(self.mechanism, read, self.failures)
