@@ -70,7 +70,7 @@ bench: $(VENV)/.peers  ## Measure speed, beside peers where they install (ARGS=-
 # Where not all install, each is tried: what does not is left out of the comparison.
 $(VENV)/.peers: $(STAMP)
 	@$(RUN) -m pip install -q --disable-pip-version-check -e '.[bench]' 2>/dev/null || \
-	for peer in mink mujoco pin pin-pink; do \
+	for peer in mink mujoco numba pin pin-pink; do \
 	  $(RUN) -m pip install -q --disable-pip-version-check "$$peer" 2>/dev/null || \
 	  echo "make: $$peer does not install here: left out"; done
 	@touch $@

@@ -53,6 +53,8 @@ setup(
             'ros-common-interfaces==5.3.6',
         ],
         'plot': ['matplotlib'],
+        # The path of a command as machine code.
+        'fast': ['numba'],
         # Another engine for the simulated mechanism.
         'mujoco': ['mujoco>=3.3.6'],
         # Recordings as ROS 2 bags, without ROS.
@@ -62,6 +64,7 @@ setup(
             'pytest>=7.4',
             'hypothesis',
             'mujoco>=3.3.6',
+            'numba',
             # Somebody else's reader, to check what is recorded.
             'mcap-ros2-support',
             'colcon-bash',
@@ -77,6 +80,7 @@ setup(
             'matplotlib',
             'mink',
             'mujoco',
+            'numba',
             'pin',
             'pin-pink',
         ],

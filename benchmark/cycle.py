@@ -155,7 +155,9 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
             named[name] = _peer(step, mechanism, configurations)
             notes[name] = (
                 'given all joint values, loops closed: kinematics, Jacobians of loops and task; '
-                'null space and least squares by numpy; no limits, no verdict'
+                + ('one quadratic program' if name in ('pink', 'mink')
+                   else 'null space and least squares by numpy')
+                + '; no limits, no verdict'
             )
     found = in_turn(list(named.values()), repeats, calls)
     return [

@@ -7,7 +7,8 @@ Each peer is given the values of *all* joints with the loops closed already, whi
 cycle has to find from the drives' readings itself. It computes where everything is, the
 Jacobian of the loop closures and of the platform, a basis of the joint rates that keep the loops
 closed (numpy: these libraries have none), and the drives' rates for a task velocity by least
-squares. No verdict, no limits, no failures.
+squares. pink and mink, which are for inverse kinematics, solve one quadratic program instead, in
+which the closed loops are tasks of a high cost. No verdict, no limits, no failures.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ import numpy as np
 
 from fault_tolerance.mechanism.description import Mechanism
 
+_LOOP_COST = 1e3
+_PERIOD = 1e-3
 Step = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -41,11 +44,8 @@ def through_null_space(
     return (free @ reduced)[driven]
 
 
-def pinocchio_step(mechanism: Mechanism) -> Step | None:
-    """Return one control step by pinocchio: joint values and task velocity in, rates out."""
-    pin = installed('pinocchio')
-    if pin is None:
-        return None
+def pinocchio_model(pin: Any, mechanism: Mechanism) -> tuple[Any, list[Any], np.ndarray]:
+    """Return the model, the joint and placement of each strut's tip, and the drives' places."""
     model = pin.Model()
     tips, driven = [], {}
     for strut in mechanism.struts:
@@ -61,13 +61,21 @@ def pinocchio_step(mechanism: Mechanism) -> Step | None:
             if joint.actuator is not None:
                 driven[joint.actuator.name] = model.joints[parent].idx_v
         tips.append((parent, pin.SE3(np.eye(3), np.array(mechanism.origin) - at)))
+    return model, tips, np.array([driven[name] for name in mechanism.actuator_names])
+
+
+def pinocchio_step(mechanism: Mechanism) -> Step | None:
+    """Return one control step by pinocchio: joint values and task velocity in, rates out."""
+    pin = installed('pinocchio')
+    if pin is None:
+        return None
+    model, tips, places = pinocchio_model(pin, mechanism)
     contacts = [
         pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, *tips[0], *tip)
         for tip in tips[1:]
     ]
     data = model.createData()
     states = [contact.createData() for contact in contacts]
-    places = np.array([driven[name] for name in mechanism.actuator_names])
     # Pinocchio has v before w.
     rows = np.array([(row + 3) % 6 for row in mechanism.task.rows])
     frame = model.addFrame(
@@ -86,11 +94,42 @@ def pinocchio_step(mechanism: Mechanism) -> Step | None:
     return step
 
 
-def mujoco_step(mechanism: Mechanism) -> Step | None:
-    """Return one control step by MuJoCo: joint values and task velocity in, rates out."""
-    mujoco = installed('mujoco')
-    if mujoco is None:
+def pink_step(mechanism: Mechanism) -> Step | None:
+    """Return one control step by pink: one quadratic program, loops closed by heavy tasks."""
+    pin, pink = installed('pinocchio'), installed('pink')
+    if pin is None or pink is None:
         return None
+    model, tips, places = pinocchio_model(pin, mechanism)
+    for index, (parent, placement) in enumerate(tips):
+        model.addFrame(pin.Frame(f'tip_{index}', parent, placement, pin.FrameType.OP_FRAME))
+    data, task = model.createData(), mechanism.task
+    loops = [
+        pink.tasks.RelativeFrameTask(f'tip_{index}', 'tip_0', _LOOP_COST, _LOOP_COST)
+        for index in range(1, len(tips))
+    ]
+    for loop in loops:
+        loop.set_target(pin.SE3.Identity())
+    turning, moving = _costs(task.rows)
+    platform = pink.tasks.FrameTask('tip_0', moving, turning)
+
+    def step(values: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        configuration = pink.Configuration(model, data, values, copy_data=False)
+        here = configuration.get_transform_frame_to_world('tip_0')
+        twist = np.zeros(6)
+        twist[task.rows] = velocity
+        turn = pin.exp3(_PERIOD * twist[:3]) @ here.rotation
+        platform.set_target(pin.SE3(turn, here.translation + _PERIOD * twist[3:]))
+        found = pink.solve_ik(
+            configuration, [platform, *loops], _PERIOD, solver='daqp', limits=[],
+            safety_break=False,
+        )
+        return np.asarray(found)[places]
+
+    return step
+
+
+def mujoco_model(mujoco: Any, mechanism: Mechanism) -> tuple[Any, np.ndarray]:
+    """Return the model, its tips welded to the first one, and the drives' places."""
     inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
     bodies, welds, driven, place = [], [], {}, 0
 
@@ -117,9 +156,17 @@ def mujoco_step(mechanism: Mechanism) -> Step | None:
         '<mujoco><option jacobian="dense"/><compiler angle="radian"/>'
         f'<worldbody>{"".join(bodies)}</worldbody><equality>{"".join(welds)}</equality></mujoco>'
     )
+    return model, np.array([driven[name] for name in mechanism.actuator_names])
+
+
+def mujoco_step(mechanism: Mechanism) -> Step | None:
+    """Return one control step by MuJoCo: joint values and task velocity in, rates out."""
+    mujoco = installed('mujoco')
+    if mujoco is None:
+        return None
+    model, places = mujoco_model(mujoco, mechanism)
     data = mujoco.MjData(model)
     tip = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, 'tip_0')
-    places = np.array([driven[name] for name in mechanism.actuator_names])
     rows = mechanism.task.rows
     twist = np.zeros((6, model.nv))
 
@@ -135,7 +182,42 @@ def mujoco_step(mechanism: Mechanism) -> Step | None:
     return step
 
 
+def mink_step(mechanism: Mechanism) -> Step | None:
+    """Return one control step by mink: one quadratic program, loops closed by heavy tasks."""
+    mujoco, mink = installed('mujoco'), installed('mink')
+    if mujoco is None or mink is None:
+        return None
+    model, places = mujoco_model(mujoco, mechanism)
+    configuration, task = mink.Configuration(model), mechanism.task
+    turning, moving = _costs(task.rows)
+    platform = mink.FrameTask('tip_0', 'body', moving, turning)
+    loops = mink.EqualityConstraintTask(model, cost=_LOOP_COST)
+
+    def step(values: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        configuration.update(values)
+        here = configuration.get_transform_frame_to_world('tip_0', 'body')
+        twist = np.zeros(6)
+        twist[task.rows] = velocity
+        turn = mink.SO3.exp(_PERIOD * twist[:3]) @ here.rotation()
+        moved = here.translation() + _PERIOD * twist[3:]
+        platform.set_target(mink.SE3.from_rotation_and_translation(turn, moved))
+        found = mink.solve_ik(
+            configuration, [platform, loops], _PERIOD, solver='daqp', limits=[]
+        )
+        return np.asarray(found)[places]
+
+    return step
+
+
+def _costs(rows: np.ndarray) -> tuple[list[float], list[float]]:
+    """Return the costs of rotations and translations: one for each coordinate of the task."""
+    costs = [float(row in rows) for row in range(6)]
+    return costs[:3], costs[3:]
+
+
 PEERS: dict[str, Callable[[Mechanism], Step | None]] = {
     'pinocchio': pinocchio_step,
     'mujoco': mujoco_step,
+    'pink': pink_step,
+    'mink': mink_step,
 }

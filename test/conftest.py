@@ -103,6 +103,11 @@ def network_namespaces_are_refused() -> bool:
     return not new_network()
 
 
+def numba_is_missing() -> bool:
+    """Tell whether there is no numba, which nothing needs but the compiled path."""
+    return importlib.util.find_spec('numba') is None
+
+
 @pytest.fixture
 def network():
     """Return the command that runs another one in a network of its own."""
@@ -114,6 +119,7 @@ ALLOWED_SKIPS = {
     'launch is not installed': ('needs_launch', launch_is_missing),
     'network namespaces are not permitted': ('needs_network_namespaces',
                                              network_namespaces_are_refused),
+    'numba is not installed': ('needs_numba', numba_is_missing),
 }
 
 

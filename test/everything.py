@@ -91,6 +91,9 @@ class Part:
 def main(arguments: list[str]) -> int:
     """Run everything, sum it up as pytest does, and return an exit code."""
     begin = time.monotonic()
+    # Compiled once, and not by every test that starts a node.
+    subprocess.run([sys.executable, '-m', 'fault_tolerance.compiled'], cwd=HERE.parent,
+                   check=False)
     nodes, background, others = folders()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

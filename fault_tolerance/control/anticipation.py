@@ -17,11 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from fault_tolerance.control.assessment import Assessment, Assessor, Prospect
 from fault_tolerance.control.command import CommandLaw
+from fault_tolerance.control.onset import Onset, Readied
 from fault_tolerance.control.resolved_rate import TaskInverse
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -53,15 +55,17 @@ class Entry:
         None where it could not be worked out: that is left to the live path too.
     inverse : TaskInverse or None
         What resolves task velocities then; None where it must not move.
+    readied : Readied or None
+        What the first command can be made of the shortest way.
     """
 
     values: FloatArray
     prospect: Prospect | None
     inverse: TaskInverse | None
+    readied: Readied | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
+class Found(NamedTuple):
     """What the table has for a set of failures.
 
     Attributes
@@ -70,6 +74,8 @@ class Found:
     assessment : Assessment
         The prospect's.
     inverse : TaskInverse or None
+    readied : Readied or None
+        See `Entry`.
     exact : bool
         Whether it was made for the present joint values.
     """
@@ -77,6 +83,7 @@ class Found:
     prospect: Prospect
     assessment: Assessment
     inverse: TaskInverse | None
+    readied: Readied | None
     exact: bool
 
 
@@ -89,12 +96,16 @@ class PostFailureTable:
     assessor : Assessor
         The one whose work is done in advance.
     law : CommandLaw
+    onset : Onset
     """
 
-    def __init__(self, mechanism: Mechanism, assessor: Assessor, law: CommandLaw) -> None:
+    def __init__(
+        self, mechanism: Mechanism, assessor: Assessor, law: CommandLaw, onset: Onset
+    ) -> None:
         self._mechanism = mechanism
         self._assessor = assessor
         self._law = law
+        self._onset = onset
         turning = np.array([one.kind == 'revolute' for one in mechanism.actuators])
         self._units = np.where(turning, 1.0, mechanism.characteristic_length)
         self._failures: FailureSet | None = None
@@ -155,21 +166,22 @@ class PostFailureTable:
             and assessment.post.nominal.mobility == nominal
             and _is_safe(assessment)
         ):
-            return Found(prospect, assessment, entry.inverse, exact)
+            return Found(prospect, assessment, entry.inverse, entry.readied, exact)
         return None
 
     def _entry(self, values: FloatArray, failures: FailureSet) -> Entry:
         try:
             prospect = self._assessor.foreseen(values, failures)
-            assessment, inverse = prospect.assessment, None
+            assessment, inverse, readied = prospect.assessment, None, None
             if prospect.fit.unclosed:
                 return Entry(values, None, None)
             # Why not, if not, is worked out here: it is there when it is asked for.
             if assessment is not None and not assessment.intolerance:
                 inverse = self._law.foreseen(assessment.post.present)
+                readied = self._onset.readied(assessment, inverse)
         except (ArithmeticError, ValueError):  # no convergence, numbers that are not finite
             return Entry(values, None, None)
-        return Entry(values, prospect, inverse)
+        return Entry(values, prospect, inverse, readied)
 
     def _moved(self, entry: Entry, values: FloatArray) -> float:
         """Return how far any actuator has moved since, in characteristic lengths or radians."""

@@ -116,6 +116,11 @@ class Assessor:
     misfit_limit : float
         Characteristic lengths by which readings may contradict each other before the loops are
         closed afresh, from home.
+
+    Attributes
+    ----------
+    yielding : float
+        What the flexures absorb while the loops are closed.
     """
 
     def __init__(
@@ -129,7 +134,7 @@ class Assessor:
         # While the loops are closed the flexures absorb a little more than the verdict grants:
         # otherwise the fit itself would tip over at the threshold that the verdict is about.
         compliance = min(FIT_BAND * mechanism.compliance, MOST_COMPLIANCE)
-        self._yielding = max(compliance, mechanism.compliance)
+        self.yielding = max(compliance, mechanism.compliance)
         self._threshold = threshold
         self._model = PostFailureModel()
         self._fit = Fit((b'', ()), None, None)
@@ -176,7 +181,7 @@ class Assessor:
     def _fitted(self, values: FloatArray, failures: FailureSet) -> Fit:
         read = without_lost(self._mechanism, values, failures)
         last = self._fit.configuration
-        mechanism, yielding = self._mechanism, self._yielding
+        mechanism, yielding = self._mechanism, self.yielding
         found = fitted_configuration(mechanism, read, failures.lost, last, yielding)
         if last is not None and not self._agrees(found):
             # The last configuration may be a bad start, as after a long gap, or after readings

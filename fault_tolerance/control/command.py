@@ -12,8 +12,7 @@ import numpy as np
 
 from fault_tolerance.control.limits import (
     LimitedRate,
-    limited_rate,
-    rate_bounds,
+    kept_within_limits,
     singularity_scale,
 )
 from fault_tolerance.control.resolved_rate import (
@@ -53,16 +52,21 @@ class CommandLaw:
     ----------
     slowed : bool
         Whether the last command was slowed down for being near a singularity.
+    resolver : RateResolver
+    unit : float or None
+        Metres per second per unit of every drive, if it is the same for all.
+    yardstick, tight : float
+        The smallest transmission, and the looseness, at home: what margins are measured by.
     """
 
     def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
         self._mechanism = mechanism
         self._settings = settings
         self._twist_scale, self._rate_scale = _scales(mechanism)
-        self._resolver = RateResolver(
+        self.resolver = RateResolver(
             mechanism.task, twist_scale=self._twist_scale, rate_scale=self._rate_scale
         )
-        self._unit = common(self._rate_scale)
+        self.unit = common(self._rate_scale)
         self._inverse: TaskInverse | None = None
         self._loose: tuple[DifferentialKinematics, float] | None = None
         self._near_singular = False
@@ -74,9 +78,9 @@ class CommandLaw:
         home = differential_kinematics(rows)
         resting = np.zeros(len(mechanism.task.coordinates))
         at_home = self.resolved(home, resting).transmission
-        self._yardstick = at_home if at_home > settings.slow_below else 1.0
+        self.yardstick = at_home if at_home > settings.slow_below else 1.0
         loose_at_home = self._looseness(home)
-        self._tight = loose_at_home if loose_at_home * settings.slow_below < 1.0 else 1.0
+        self.tight = loose_at_home if loose_at_home * settings.slow_below < 1.0 else 1.0
 
     def resolved(self, kinematics: DifferentialKinematics, velocity: FloatArray) -> ResolvedRate:
         """Return the rates for a task velocity (l,), not limited yet."""
@@ -91,15 +95,22 @@ class CommandLaw:
 
     def foreseen(self, kinematics: DifferentialKinematics) -> TaskInverse:
         """Return what `inverse` would, and remember nothing of it."""
-        return self._resolver.inverse(kinematics)
+        return self.resolver.inverse(kinematics)
 
-    def adopt(self, inverse: TaskInverse) -> None:
-        """Use ``inverse`` when its kinematics are those to go by."""
+    def adopt(self, inverse: TaskInverse, looseness: float | None = None) -> None:
+        """Use ``inverse`` when its kinematics are those to go by, and what else is known."""
         self._inverse = inverse
+        if looseness is not None:
+            self._loose = inverse.kinematics, looseness
+
+    @property
+    def at_ease(self) -> bool:
+        """Whether the last command was far from singularities."""
+        return not (self.slowed or self._near_singular)
 
     def obstacle(self, resolved: ResolvedRate) -> str:
         """Return why the mechanism is too near a singularity to move; empty if it is not."""
-        moved, held = self._margins(resolved)
+        moved, held = self.margins(resolved)
         limit = self._settings.hold_below * (LEAVING if self._near_singular else 1.0)
         self._near_singular = min(moved, held) <= limit
         if not self._near_singular:
@@ -137,29 +148,31 @@ class CommandLaw:
         ArithmeticError
             If it is not finite.
         """
-        settings, names = self._settings, self._mechanism.actuator_names
-        bounds = rate_bounds(self._mechanism, values, settings.stroke_gain)
-        margin = min(self._margins(resolved))
+        settings = self._settings
+        margin = min(self.margins(resolved))
         slowing = singularity_scale(margin, settings.hold_below, settings.slow_below)
         self.slowed = slowing < 1.0
-        limited = ease(
-            limited_rate(resolved, bounds, names, slowing),
-            lambda way: limited_rate(way, bounds, names),
-        )
+
+        def within(way: ResolvedRate, scale: float = 1.0) -> LimitedRate:
+            return kept_within_limits(
+                way, self._mechanism, values, settings.stroke_gain, scale
+            )
+
+        limited = ease(within(resolved, slowing), within)
         command = limited.command
         if not isfinite(float(command.rates.sum()) + sum(command.twist.tolist())):
             raise ArithmeticError('the command is not finite')
         return limited
 
-    def _margins(self, resolved: ResolvedRate) -> tuple[float, float]:
+    def margins(self, resolved: ResolvedRate | TaskInverse) -> tuple[float, float]:
         """Return how far it is from singularities of both kinds: 0 there, about 1 at home.
 
         Where the drives no longer move the platform, and where they no longer hold it
         (docs/theory.md, eq. 23).
         """
         looseness = self._looseness(resolved.kinematics)
-        held = self._tight / looseness if looseness > self._tight else 1.0
-        return resolved.transmission / self._yardstick, held
+        held = self.tight / looseness if looseness > self.tight else 1.0
+        return resolved.transmission / self.yardstick, held
 
     def _looseness(self, kinematics: DifferentialKinematics) -> float:
         """Return how fast the platform may go at unit speed of the drives, m/s per m/s.
@@ -169,12 +182,12 @@ class CommandLaw:
         """
         if self._loose is None or self._loose[0] is not kinematics:
             twists = self._weights * kinematics.twist_jacobian
-            if self._unit is None:
+            if self.unit is None:
                 drives = self._rate_scale[:, None] * kinematics.mapping
                 squares = twists.T * np.linalg.solve(drives.T @ drives, twists.T)
                 found = sqrt(float(squares.sum()))
             else:
-                found = length(twists) / self._unit
+                found = length(twists) / self.unit
             self._loose = kinematics, found
         return self._loose[1]
 

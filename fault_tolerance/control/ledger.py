@@ -11,8 +11,9 @@ source contradicts itself in it, the worse mode holds.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
+from typing import NamedTuple
 
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.reports import STALE, Report, Statement, understood
@@ -32,8 +33,7 @@ CAPACITY = 256
 """Sources told apart; what further ones report adds up, but cannot be replaced any more."""
 
 
-@dataclass(frozen=True)
-class LedgerUpdate:
+class LedgerUpdate(NamedTuple):
     """What a message of reports did; true if anything changed.
 
     Attributes
@@ -66,8 +66,7 @@ class LedgerClear:
     remaining: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Entry:
+class _Entry(NamedTuple):
     """A latched statement, when it was last made, and whether it was taken back since."""
 
     statement: Statement
@@ -127,7 +126,8 @@ class FailureLedger:
         news = [source for source, said in message.items() if self._latch(source, *said, notices)]
         if news:
             self._refresh()
-            notices.extend(self._conflicts(statement for _, statement in message.values()))
+            if len(message) > 1:
+                notices.extend(self._conflicts(statement for _, statement in message.values()))
         return LedgerUpdate((self._failures, self._stop_reason) != before, tuple(notices))
 
     def clear(self, now: float) -> LedgerClear:
@@ -148,7 +148,7 @@ class FailureLedger:
         """Forget times later than ``now``: the clock was set back."""
         self._cleared_at = None
         for source, entry in self._entries.items():
-            self._entries[source] = replace(entry, heard=min(entry.heard, now))
+            self._entries[source] = entry._replace(heard=min(entry.heard, now))
 
     def _statements(
         self, reports: Sequence[Report], now: float, notices: list[Notice]
@@ -212,7 +212,7 @@ class FailureLedger:
             del self._entries[source]
             return True
         if not entry.healed:
-            self._entries[source] = replace(entry, healed=True)
+            self._entries[source] = entry._replace(healed=True)
             text = f'{entry.statement.text} is reported healthy, but stays until it is cleared'
             notices.append(Notice('latched', text, rejected=False))
         return False

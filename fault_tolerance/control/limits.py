@@ -18,6 +18,7 @@ from math import isfinite
 
 import numpy as np
 
+from fault_tolerance.compiled.activation import Active
 from fault_tolerance.control.resolved_rate import ResolvedRate
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -67,6 +68,26 @@ class LimitedRate:
     saturation: tuple[str, ...]
 
 
+def kept_within_limits(
+    resolved: ResolvedRate,
+    mechanism: Mechanism,
+    values: FloatArray,
+    stroke_gain: float,
+    scale: float = 1.0,
+) -> LimitedRate:
+    """Return the command slowed down until it keeps all limits at the joint values (N,).
+
+    `limited_rate` within `rate_bounds`; nearly always there is nothing to slow down.
+    """
+    kernels = Active.kernels
+    if scale == 1.0 and kernels is not None:
+        speed, ends = constant_limits(mechanism)
+        if kernels.within(resolved.rates, values, speed, ends, stroke_gain):
+            return LimitedRate(resolved, scale, 1.0, ())
+    bounds = rate_bounds(mechanism, values, stroke_gain)
+    return limited_rate(resolved, bounds, mechanism.actuator_names, scale)
+
+
 def rate_bounds(mechanism: Mechanism, values: FloatArray, stroke_gain: float) -> RateBounds:
     """Return the bounds on the actuator rates at the joint values (N,).
 
@@ -75,7 +96,7 @@ def rate_bounds(mechanism: Mechanism, values: FloatArray, stroke_gain: float) ->
     damper, as in Faverjon and Tournassoud, ICRA 1987); beyond an end it may only come back.
     Where a value is NaN there is no stroke to respect.
     """
-    speed, ends = _constants(mechanism)
+    speed, ends = constant_limits(mechanism)
     # The way to both ends, (2, N).
     ways = np.maximum(stroke_gain * (ends + _BOTH_WAYS * values), 0.0)
     if isfinite(float(values.sum())):
@@ -90,7 +111,7 @@ def rate_bounds(mechanism: Mechanism, values: FloatArray, stroke_gain: float) ->
 
 
 @lru_cache(maxsize=64)
-def _constants(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
+def constant_limits(mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
     """Return the largest speeds (N,), and the ends of the strokes (2, N) as seen from home."""
     low, high = mechanism.position_limits.T
     return np.minimum(mechanism.velocity_limits, LARGEST_RATE), np.stack([-low, high])

@@ -32,5 +32,7 @@ class Notice:
 
 def clean(text: str, limit: int = LONGEST_TEXT) -> str:
     """Return foreign text fit for one log line: printable, no line breaks, bounded."""
+    if len(text) <= limit and text.isprintable():
+        return text
     head = ''.join(letter if letter.isprintable() else '?' for letter in text[:limit])
     return head + '...' if len(text) > limit else head

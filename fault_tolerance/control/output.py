@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fault_tolerance.control.ledger import LedgerClear
 from fault_tolerance.control.limits import LimitedRate
@@ -18,8 +19,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import Configuration
 
 
-@dataclass(frozen=True, eq=False)
-class Command:
+class Command(NamedTuple):
     """What the drives wait for, before all else that is to be known of it.
 
     Attributes

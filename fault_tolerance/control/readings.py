@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ LARGEST_VALUE = 1e6
 """Radians or metres; beyond it no reading is one, and squares of it would lose their meaning."""
 
 
-@dataclass(frozen=True, eq=False)
-class Readings:
+class Readings(NamedTuple):
     """The outcome of reading one joint state.
 
     Attributes

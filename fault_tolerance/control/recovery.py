@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 
 class State(str, Enum):
@@ -44,8 +45,7 @@ class Conditions:
     nominal: str = ''
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(NamedTuple):
     """The state of one cycle and the reason for it, a sentence."""
 
     state: State

@@ -11,7 +11,7 @@ robots apart that share one diagnostics topic.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.errors import FailureError
@@ -25,8 +25,7 @@ LONGEST_WORD = 40
 """Characters of a failure mode that are looked at."""
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(NamedTuple):
     """What one source says about one actuator or strut.
 
     Attributes
@@ -50,8 +49,7 @@ class Report:
     stamp: float | None = None
 
 
-@dataclass(frozen=True)
-class Statement:
+class Statement(NamedTuple):
     """A report understood.
 
     Attributes
@@ -144,9 +142,13 @@ def report_of(
     Report or None
         None where the status is no failure report, or is meant for another robot.
     """
-    if mode is None or is_foreign(hardware_id, prefix):
+    if mode is None:
         return None
-    target = target_of(hardware_id, prefix, names)
+    target: str | None = hardware_id
+    if hardware_id not in names:
+        if is_foreign(hardware_id, prefix):
+            return None
+        target = target_of(hardware_id, prefix, names)
     word = clean(mode.strip(), LONGEST_WORD)
     return Report((clean(name), clean(hardware_id)), target, word, level, stamp)
 

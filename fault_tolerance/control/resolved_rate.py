@@ -23,6 +23,7 @@ from math import isfinite
 
 import numpy as np
 
+from fault_tolerance.compiled.activation import Active, Kernels
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.measures import CONDITION_CAP
 from fault_tolerance.kinematics.subspaces import rank_of
@@ -198,6 +199,8 @@ class RateResolver:
     ) -> None:
         weights = np.ones(len(task.coordinates)) if twist_scale is None else twist_scale
         weighted = np.diag(weights)
+        self._places = task.major_rows, task.secondary_rows
+        self._all_weights = weights
         self._weights = weights[task.major_rows]
         # What takes the major, and the secondary, part of a task velocity, in metres per second.
         self._major, self._secondary = weighted[task.major_rows], weighted[task.secondary_rows]
@@ -206,9 +209,16 @@ class RateResolver:
         self._singular_below = singular_below
         self._poor_below = poor_below
 
+    @property
+    def constants(self) -> tuple[FloatArray, float | None, float, float]:
+        """What turns task velocities (l,) and drives' rates into metres per second; limits."""
+        return self._all_weights, self._unit, self._singular_below, self._poor_below
+
     def inverse(self, kinematics: DifferentialKinematics) -> TaskInverse:
         """Return what resolves task velocities with ``kinematics``, failures included."""
         unit, coordinates = self._unit, None
+        if Active.kernels is not None and unit is not None:
+            return self._compiled(Active.kernels, kinematics, unit)
         jacobian = kinematics.jacobian
         if unit is None:
             coordinates = drive_coordinates(kinematics, self._rate_scale)
@@ -238,6 +248,19 @@ class RateResolver:
         elif unit != 1.0:
             major, secondary = major / unit, secondary / unit
         smallest = values[-1] if len(values) == len(self._weights) else 0.0
+        return TaskInverse(kinematics, _frozen(major), _frozen(secondary), driven, smallest)
+
+
+    def _compiled(
+        self, kernels: Kernels, kinematics: DifferentialKinematics, unit: float
+    ) -> TaskInverse:
+        decomposition = kinematics.decomposed_major(self._weights)
+        major, secondary, driven = kernels.invert_task(
+            kinematics.jacobian, *decomposition, self._all_weights, *self._places, unit,
+            self._singular_below, self._poor_below,
+        )
+        sigma = decomposition[1]
+        smallest = float(sigma[-1]) / unit if len(sigma) == len(self._weights) else 0.0
         return TaskInverse(kinematics, _frozen(major), _frozen(secondary), driven, smallest)
 
 

@@ -5,11 +5,14 @@
 
 from __future__ import annotations
 
-from fault_tolerance.control.anticipation import PostFailureTable
-from fault_tolerance.control.assessment import Assessment, Assessor
+from fault_tolerance.control.anticipation import Found, PostFailureTable
+from fault_tolerance.control.assessment import Assessment, Assessor, without_lost
 from fault_tolerance.control.command import CommandLaw
+from fault_tolerance.control.onset import FirstCommand, Onset
 from fault_tolerance.control.plausibility import MisfitWatch
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.shortcut import Followed, Shortcut
+from fault_tolerance.control.transition import Sent
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -40,13 +43,17 @@ class Situation:
     """
 
     def __init__(self, mechanism: Mechanism, settings: Settings, law: CommandLaw) -> None:
+        self._mechanism = mechanism
         self._law = law
         self._anticipates = settings.anticipate
         self._assessor = Assessor(
             mechanism, settings.tolerance_threshold, settings.misfit_limit
         )
-        self._table = PostFailureTable(mechanism, self._assessor, law)
+        self._onset = Onset(mechanism, settings, law)
+        self._table = PostFailureTable(mechanism, self._assessor, law, self._onset)
+        self._first: tuple[FirstCommand, Found] | None = None
         self._misfit = MisfitWatch(settings.misfit_limit)
+        self._shortcut = Shortcut(mechanism, settings, law, self._assessor.yielding)
         self._contradiction = ''
         self.assessment: Assessment | None = None
         self.judged: Assessment | None = None
@@ -69,9 +76,73 @@ class Situation:
         self.judged = self.assessment
         return True
 
-    def prepare(self) -> None:
-        """Work out what the next assessment will need, before it is needed."""
+    def shortcut(
+        self, values: FloatArray, velocity: FloatArray, failures: FailureSet
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return rates (N,) and twist (6,) for new joint values the short way, if it is open.
+
+        What the assessment would be is worked out by `catch_up`.
+        """
+        return self._shortcut.command(values, velocity, failures)
+
+    def first_command(
+        self,
+        values: FloatArray,
+        velocity: FloatArray,
+        failures: FailureSet,
+        sent: Sent,
+        allowed: float,
+    ) -> tuple[FirstCommand, str] | None:
+        """Return the first command with new failures the short way, and the verdict on them.
+
+        None where it is not open. Parameters are those of `Onset.command`; see `catch_up`.
+        """
+        last = self.assessment
+        if last is None or last.post.failures == failures or self.obstacle:
+            return None
+        found = self._anticipated(values, failures)
+        if found is None or found.readied is None:
+            return None
+        read = without_lost(self._mechanism, values, failures)
+        first = self._onset.command(found.readied, read, velocity, sent, allowed)
+        if first is None:
+            return None
+        self._first = first, found
+        return first, found.assessment.post.verdict.reason
+
+    def catch_up(self) -> Followed | None:
+        """Assess where a command was made the short way; None if there was none since."""
+        followed, how = self._shortcut.followed(), 'derived'
+        if self._first is not None:
+            (first, found), self._first = self._first, None
+            how = 'anticipated'
+            followed = Followed(
+                found.prospect, first.inverse, first.limited(), None, found.exact, first.begun()
+            )
+        if followed is None:
+            return None
+        self._assessor.adopt(followed.prospect)
+        self._law.adopt(followed.inverse, followed.looseness)
+        self.assessment, self.assessed_by = followed.prospect.assessment, how
+        self.outdated = not followed.exact
+        if self.assessment is not None and not self._may_be_judged_later(self.assessment):
+            self.judged = self.assessment
+        return followed
+
+    def prepare(self, *, moves: bool) -> None:
+        """Work out what the next assessment will need, before it is needed.
+
+        Parameters
+        ----------
+        moves : bool
+            Whether the command just given moves, and all that it depends on lasts.
+        """
         self._assessor.prepare()
+        if moves and self._is_settled():
+            assert self.assessment is not None
+            self._shortcut.prepare(self.assessment)
+        else:
+            self._shortcut.forget()
 
     def anticipate(self, values: FloatArray, failures: FailureSet) -> bool:
         """Work out what one further failure would come to; return whether there was any to do."""
@@ -99,21 +170,35 @@ class Situation:
 
     def _assessed(self, values: FloatArray, failures: FailureSet) -> Assessment | None:
         """Return the assessment; what a new failure comes to may have been worked out already."""
-        last = self.assessment
-        if last is not None and last.post.failures != failures:
-            found = self._table.found(values, failures, last.post.nominal.mobility)
-            if found is not None:
-                self._assessor.adopt(found.prospect)
-                if found.inverse is not None:
-                    self._law.adopt(found.inverse)
-                self.assessed_by = 'anticipated'
-                # From a little way off it does for one command.
-                self.outdated = not found.exact
-                return found.assessment
+        found = self._anticipated(values, failures)
+        if found is not None:
+            self._assessor.adopt(found.prospect)
+            if found.inverse is not None:
+                self._law.adopt(found.inverse)
+            self.assessed_by = 'anticipated'
+            # From a little way off it does for one command.
+            self.outdated = not found.exact
+            return found.assessment
         assessment = self._assessor.assessed(values, failures)
         self.assessed_by = 'derived'
         self.outdated = False
         return assessment
+
+    def _anticipated(self, values: FloatArray, failures: FailureSet) -> Found | None:
+        """Return what new failures come to, if that has been worked out."""
+        last = self.assessment
+        if last is None or last.post.failures == failures:
+            return None
+        return self._table.found(values, failures, last.post.nominal.mobility)
+
+    def _is_settled(self) -> bool:
+        """Return whether the newest assessment is judged, and there is nothing against it."""
+        return (
+            self.assessment is not None
+            and self.assessment is self.judged
+            and not (self.outdated or self.obstacle or self.intolerance)
+            and self._law.at_ease
+        )
 
     def _may_be_judged_later(self, found: Assessment) -> bool:
         """Return whether the verdict can wait until the command is out.

@@ -11,7 +11,6 @@ very next step, wherever that is called from.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -182,7 +181,7 @@ class Supervisor:
         """
         self._pass_time(now)
         try:
-            self._given = self._cycle(now)
+            self._given = self._shortly(now) or self._cycle(now)
         except Exception as error:  # whatever it is, the mechanism must come to rest
             self._given = self._halted(error, now)
         if self._reported_at is not None and self.settings.clock is not None:
@@ -226,6 +225,35 @@ class Supervisor:
             return False
         return self._situation.anticipate(values, self.failures)
 
+    def _shortly(self, now: float) -> Command | None:
+        """Return the command for new joint values if it can be made just as the one before was."""
+        values, before = self._readings.value, self._given
+        if values is None or not (self._situation.outdated and before.decision.moves):
+            return None
+        if self._paused or self._ledger.stop_reason or self._readings.has_ceased(now):
+            return None
+        if self._transition.is_over(self.failures):
+            found = self._situation.shortcut(values, self._asked(now), self.failures)
+            if found is None:
+                return None
+            self._unseen = values
+            return Command(*found, before.decision, now, None)
+        return self._first_command(values, now)
+
+    def _first_command(self, values: FloatArray, now: float) -> Command | None:
+        """Return the first command after a failure that was anticipated, if it can be made so."""
+        sent, failures = self._transition.sent, self.failures
+        if sent is None or not (failures and self.settings.recovery):
+            return None
+        found = self._situation.first_command(
+            values, self._asked(now), failures, sent, self._transition.allowed(now)
+        )
+        if found is None:
+            return None
+        self._unseen = values
+        first, verdict = found
+        return Command(*first.motion, Decision(State.DEGRADED, verdict), now, None)
+
     def _cycle(self, now: float) -> Command:
         values, situation = self._readings.value, self._situation
         if situation.outdated and values is not None:
@@ -248,7 +276,10 @@ class Supervisor:
             without_lost(self.mechanism, values, self.failures),
             lambda target, within: self._transition.eased(target, within, self.failures, now),
         )
-        return Command(limited.command.rates, limited.command.twist, decision, now, limited)
+        # Adding zero turns the -0.0 of a resting drive into 0.0.
+        return Command(
+            limited.command.rates + 0.0, limited.command.twist, decision, now, limited
+        )
 
     def _conditions(self, stop: str, hold: str) -> Conditions:
         situation = self._situation
@@ -273,6 +304,11 @@ class Supervisor:
 
     def _look_back(self, now: float) -> None:
         """Compare the readings just used with the commands before, and judge what was not yet."""
+        followed = self._situation.catch_up()
+        if followed is not None:
+            self._given = self._given._replace(limited=followed.limited)
+            if followed.begun is not None:
+                self._transition.begun(followed.begun)
         read, self._unseen = self._unseen, None
         if read is not None and self.settings.recovery:
             values = without_lost(self.mechanism, read, self.failures)
@@ -285,8 +321,9 @@ class Supervisor:
                 decision = self._machine.decide(self._conditions(stop, ''))
             if stop:
                 given = self._resting(decision, given.time)
-            self._given = replace(given, decision=decision)
-        situation.prepare()
+            self._given = given._replace(decision=decision)
+        lasts = self.settings.recovery or not self.failures
+        situation.prepare(moves=lasts and self._given.limited is not None)
 
     def _hold_reason(self, now: float) -> str:
         """Return why the mechanism must not move now though nothing is wrong with it for good."""

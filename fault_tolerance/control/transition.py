@@ -54,8 +54,20 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sent:
-    """The command before: rates (N,), major velocity (m,), scaled, and what it was made with."""
+class Sent:
+    """The command before.
+
+    Attributes
+    ----------
+    rates : (N,) array
+    major : (m,) array
+        Velocity of the major task, metres per second.
+    moves : bool
+    failures : FailureSet
+    mobility : int
+        What it was made with.
+    time : float
+    """
 
     rates: FloatArray
     major: FloatArray
@@ -63,6 +75,24 @@ class _Sent:
     failures: FailureSet
     mobility: int
     time: float
+
+
+@dataclass(frozen=True)
+class Begun:
+    """How a transition begins.
+
+    Attributes
+    ----------
+    mobility : int
+        Of the kinematics it leads to.
+    under_way : bool
+        Whether it takes more than one command.
+    jump : Jump
+    """
+
+    mobility: int
+    under_way: bool
+    jump: Jump
 
 
 class Transition:
@@ -92,7 +122,7 @@ class Transition:
         self._rate_scale = rate_scale
         self._unit = common(rate_scale)
         self._max_acceleration = max_acceleration
-        self._sent: _Sent | None = None
+        self._sent: Sent | None = None
         self._mobility = 0
         self._under_way = False
         self.jump = Jump()
@@ -132,6 +162,29 @@ class Transition:
             self.jump = self._jump(found.command, sent)
         return found
 
+    @property
+    def sent(self) -> Sent | None:
+        """The command before; None before there was one."""
+        return self._sent
+
+    def allowed(self, now: float) -> float:
+        """Return by how much the drives' speed may differ from the command before, m/s."""
+        since = now - self._sent.time if self._sent else 0.0
+        return self._max_acceleration * max(since, 0.0)
+
+    def begun(self, how: Begun) -> None:
+        """Take note of a first command that was not made by `eased`."""
+        self._mobility, self._under_way, self.jump = how.mobility, how.under_way, how.jump
+
+    def is_over(self, failures: FailureSet) -> bool:
+        """Return whether a command with ``failures``, made as before, needs no easing."""
+        sent = self._sent
+        return (
+            sent is not None
+            and not self._under_way
+            and (sent.moves, sent.failures, sent.mobility) == (True, failures, self._mobility)
+        )
+
     def passed(
         self,
         rates: FloatArray,
@@ -143,13 +196,13 @@ class Transition:
     ) -> None:
         """Take note of a command that is given: rates (N,), and the task's velocity (l,)."""
         major = (self._twist_scale * task_velocity)[self._rows]
-        self._sent = _Sent(rates, major, moves, failures, self._mobility, now)
+        self._sent = Sent(rates, major, moves, failures, self._mobility, now)
 
     def _on_the_way(
         self,
         target: LimitedRate,
         within: Callable[[ResolvedRate], LimitedRate],
-        sent: _Sent,
+        sent: Sent,
         now: float,
     ) -> LimitedRate:
         command = target.command
@@ -178,7 +231,7 @@ class Transition:
 
         way = goal - start
         distance = length(way)
-        allowed = self._max_acceleration * max(now - sent.time, 0.0)
+        allowed = self.allowed(now)
         if distance <= allowed + ROUNDING * max(length(goal), length(start)):
             return target
         reached = start + (allowed / distance) * way
@@ -200,7 +253,7 @@ class Transition:
             saturation=tuple(dict.fromkeys(saturation)),
         )
 
-    def _jump(self, command: ResolvedRate, sent: _Sent) -> Jump:
+    def _jump(self, command: ResolvedRate, sent: Sent) -> Jump:
         major = (self._twist_scale * command.achieved)[self._rows] - sent.major
         rates = self._rate_scale * (command.rates - sent.rates)
         return Jump(length(major), length(rates))

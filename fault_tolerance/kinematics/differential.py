@@ -10,12 +10,14 @@ is made; a hard failure drops the strut's rows. Always from the nominal rows, ne
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
+from fault_tolerance.compiled.activation import Active, Kernels
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import null_space, rank_of
@@ -25,7 +27,7 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.freedom import kept_constraints
 from fault_tolerance.mechanism.linear_algebra import decomposed, length, row_products
 from fault_tolerance.mechanism.task import Task
-from fault_tolerance.mechanism.tolerances import ROUNDING_TOLERANCE
+from fault_tolerance.tolerances import ROUNDING_TOLERANCE
 
 _NONE = np.zeros((6, 0))
 _NONE.setflags(write=False)
@@ -129,7 +131,11 @@ def differential_kinematics(
     failures : FailureSet, optional
         Nothing by default.
     """
-    part = _parts(rows.mechanism, failures or FailureSet())
+    part = failed_parts(rows.mechanism, failures or FailureSet())
+    if Active.kernels is not None and rows.actuator_rows is not None:
+        found = _compiled(Active.kernels, rows, part)
+        if found is not None:
+            return found
     attachment = part.attachment
     structure = rows.constraints.structure_of(attachment)
     kept = structure.kept(rows.compliance)
@@ -194,6 +200,57 @@ def differential_kinematics(
     )
 
 
+def _compiled(
+    kernels: Kernels, rows: StrutRows, part: FailedParts
+) -> DifferentialKinematics | None:
+    """Return the same by the compiled path; None where the drives do not determine it all."""
+    if not rows.mechanism.rates_alike:
+        return None
+    attachment, task = part.attachment, rows.mechanism.task
+    structure = rows.constraints.structure_of(attachment)
+    kept = structure.kept(rows.compliance)
+    freedom = rows.constraints.freedom_of(attachment, kept)
+    weights = rows.twist_scale[rows.task_rows[task.major_rows]]
+    sound, *found = kernels.reconfigure(
+        freedom.twists, freedom.rates, attachment.places, len(rows.rate_scale), part.stuck,
+        part.driving, float(rows.rate_scale[0]), rows.twist_scale, rows.task_rows,
+        task.major_rows, weights, part.all_drive, freedom.left, freedom.gains, freedom.right,
+    )
+    return kinematics_from(rows, part, kept, found) if sound else None
+
+
+def kinematics_from(
+    rows: StrutRows, part: FailedParts, kept: int, found: Sequence[FloatArray]
+) -> DifferentialKinematics:
+    """Return the kinematics that the compiled path has found.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    part : FailedParts
+    kept : int
+        Structural constraints that count.
+    found : sequence of arrays
+        As `fault_tolerance.compiled.resolving.reconfigure` returns them.
+    """
+    task, sigma = rows.mechanism.task, rows.constraints.structure_of(part.attachment).sigma
+    jacobian, mapping, twist_jacobian, rate_map, *major = found
+    made = DifferentialKinematics(
+        task,
+        jacobian,
+        mapping,
+        twist_jacobian,
+        rate_map,
+        _NONE[: len(twist_jacobian)],
+        part.active,
+        rank_of(sigma) - kept,
+        float(sigma[kept - 1]) if kept else np.inf,
+    )
+    weights = rows.twist_scale[rows.task_rows[task.major_rows]]
+    made.derived['major'] = {weights.tobytes(): tuple(major)}
+    return made
+
+
 def weakest_constraint(rows: StrutRows) -> float:
     """Return `DifferentialKinematics.weakest_kept` without failures, and without deriving them."""
     structure = rows.constraints.structure_of(attachment_of(rows.mechanism))
@@ -202,11 +259,19 @@ def weakest_constraint(rows: StrutRows) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Parts:
+class FailedParts:
     """What a set of failures leaves of each kind.
 
-    Places of the actuators that are stuck and that drive, as numbers and as a mask; `all_drive`
-    says that all in attached struts do.
+    Attributes
+    ----------
+    attachment : Attachment
+        Of the struts that are not lost.
+    stuck, driving : int arrays
+        Places of the actuators that are stuck, and that drive.
+    active : (N,) bool array
+        Those that drive.
+    all_drive : bool
+        Whether all in attached struts do.
     """
 
     attachment: Attachment
@@ -217,7 +282,7 @@ class _Parts:
 
 
 @lru_cache(maxsize=256)
-def _parts(mechanism: Mechanism, failures: FailureSet) -> _Parts:
+def failed_parts(mechanism: Mechanism, failures: FailureSet) -> FailedParts:
     """Return what ``failures`` leave (kept: asked for in every cycle)."""
     attachment = attachment_of(mechanism, failures.lost)
     names = mechanism.actuator_names
@@ -225,7 +290,7 @@ def _parts(mechanism: Mechanism, failures: FailureSet) -> _Parts:
     active = attachment.held & np.array([name not in failed for name in names])
     active.setflags(write=False)
     stuck = [names.index(name) for name in failures.stuck]
-    return _Parts(
+    return FailedParts(
         attachment,
         np.array(stuck, dtype=np.intp),
         np.flatnonzero(active),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 from fault_tolerance.errors import FailureError
 from fault_tolerance.mechanism.description import Mechanism
@@ -102,6 +103,14 @@ def failure_set(
         For an unknown mode or name, for a strut without actuators, and for a hard failure of a
         mechanism that is given by numbers.
     """
+    return _failure_set(mechanism, tuple((mode, name) for mode, name in failures))
+
+
+@lru_cache(maxsize=1024)
+def _failure_set(
+    mechanism: Mechanism, failures: tuple[tuple[FailureMode | str, str], ...]
+) -> FailureSet:
+    """Return it (kept: those that may come next are worked out before they do)."""
     effective: dict[str, FailureMode] = {}
     lost: set[str] = set()
     for word, name in failures:

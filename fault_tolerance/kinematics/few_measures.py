@@ -24,10 +24,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from fault_tolerance.compiled.activation import Active
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.linear_algebra import decomposed, row_products
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
@@ -40,6 +41,9 @@ _ROUNDING = 1e-15
 
 def torque_of_few(mapping: FloatArray) -> FloatArray:
     """Return t (N, N) of all pairs of the rows of T, the single ones on the diagonal."""
+    kernels = Active.kernels
+    if kernels is not None:
+        return kernels.torque_of_few(mapping)  # type: ignore[no-any-return]
     count, mobility = mapping.shape
     if count == mobility:
         return np.zeros((count, count))
@@ -66,6 +70,12 @@ def position_of_few(
 
     The single ones are on the diagonals.
     """
+    kernels = Active.kernels
+    if kernels is not None:
+        found, doubtful = kernels.position_of_few(
+            mapping, kinematics.major, _SHORT, _FLAT, _ROUNDING
+        )
+        return found, doubtful
     count = len(mapping)
     _, sigma, right = decomposed(kinematics.major)
     values: list[float] = sigma.tolist()

@@ -19,7 +19,7 @@ from fault_tolerance.kinematics.subspaces import null_space
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.configuration import Configuration
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ from fault_tolerance.kinematics.subspaces import manipulability, null_space, ran
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.attachment import attachment_of
 from fault_tolerance.mechanism.linear_algebra import singular_values
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 # Closed forms of which more than this share cancels have lost more than ten digits of sixteen.
 _CANCELLED = 1e-6

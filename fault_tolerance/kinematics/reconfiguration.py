@@ -21,7 +21,7 @@ from fault_tolerance.kinematics.subspaces import adds_rank, range_basis, rank
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import COORDINATES, Task
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 # Smaller shares of an unactuated motion are rounding errors.
 _NOTABLE = 1e-6

@@ -10,7 +10,7 @@ import numpy as np
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.mechanism.linear_algebra import singular_values as singular_values
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 
 def rank_of(sigma: FloatArray, scale: float | None = None) -> int:

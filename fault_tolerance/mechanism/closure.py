@@ -22,14 +22,13 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.mechanism.screws import displaced
 from fault_tolerance.mechanism.state import State, evaluated
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
-from fault_tolerance.mechanism.tracking import Closed, tracked
+from fault_tolerance.mechanism.steps import Closed
+from fault_tolerance.mechanism.tracking import LAST_STEP, tracked
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 _MOST_ITERATIONS = 60
 # Steps longer than this many characteristic lengths are shortened: linearisation ends there.
 _LONGEST_STEP = 0.3
-# A Newton step of relative length e leaves an error of about e squared.
-_LAST_STEP_FITTED = 1e-4
 _LAST_STEP_SOLVED = 1e-9
 
 
@@ -64,7 +63,7 @@ class Closure:
             Actuator values to be met in the least-squares sense, NaN where there is none. What
             they leave free stays where it is.
         """
-        found = tracked(state, target, self.attachment, self._compliance, _LAST_STEP_FITTED)
+        found = tracked(state, target, self.attachment, self._compliance, LAST_STEP)
         return found or self.solved(state, target, nearest_home=False)
 
     def solved(self, state: State, target: FloatArray, *, nearest_home: bool) -> Closed:
@@ -80,7 +79,7 @@ class Closure:
             it stays where it is.
         """
         scale = self.mechanism.characteristic_length
-        last = (_LAST_STEP_SOLVED if nearest_home else _LAST_STEP_FITTED) * scale
+        last = (_LAST_STEP_SOLVED if nearest_home else LAST_STEP) * scale
         kept = self._kept(state)
         for iteration in range(1, _MOST_ITERATIONS + 1):
             state, length = self._stepped(state, target, nearest_home)

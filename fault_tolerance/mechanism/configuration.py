@@ -18,8 +18,8 @@ from fault_tolerance.mechanism.closure import Closure
 from fault_tolerance.mechanism.constraints import StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.state import State, evaluated
-from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE
-from fault_tolerance.mechanism.tracking import Closed, steps_from
+from fault_tolerance.mechanism.steps import Closed, steps_from
+from fault_tolerance.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE
 
 # Continuation from home takes strides of at most this many characteristic lengths (or radians):
 # the assembly found is the one the mechanism can be driven to.
@@ -107,7 +107,7 @@ def home_configuration(mechanism: Mechanism) -> Configuration:
     if not mechanism.struts:
         return _working_point(mechanism)
     closure = Closure(mechanism, ())
-    return _configuration(mechanism, closure.certified(_home_state(mechanism), True, 0), None)
+    return configuration_from(mechanism, closure.certified(_home_state(mechanism), True, 0), None)
 
 
 def solved_configuration(
@@ -162,7 +162,7 @@ def solved_configuration(
         goal = target * (stride / strides)
         closed = closure.solved(state, goal, nearest_home=True)
         state, iterations = closed.state, iterations + closed.iterations
-    found = _configuration(mechanism, replace(closed, iterations=iterations), target)
+    found = configuration_from(mechanism, replace(closed, iterations=iterations), target)
     _require_closed(found)
     return found
 
@@ -205,7 +205,7 @@ def fitted_configuration(
     state = start.state if start is not None else None
     if state is None:
         state = _home_state(mechanism)
-    return _configuration(mechanism, closure.fitted(state, target), target)
+    return configuration_from(mechanism, closure.fitted(state, target), target)
 
 
 def _require_closed(found: Configuration) -> None:
@@ -228,9 +228,10 @@ def _home_state(mechanism: Mechanism) -> State:
     return evaluated(chains, np.array(chains.home), values, chains.regular)
 
 
-def _configuration(
+def configuration_from(
     mechanism: Mechanism, closed: Closed, target: FloatArray | None
 ) -> Configuration:
+    """Return the configuration that a closed state is, fitted to ``target`` (N,)."""
     state, attachment = closed.state, closed.attachment
     actuators = state.actuator_values
     if target is None:

@@ -23,7 +23,7 @@ from fault_tolerance.mechanism.chains import Chains, forward_kinematics
 from fault_tolerance.mechanism.freedom import Freedom, Structure, freedom
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.mechanism.regular import Placement, RegularStruts, StrutInverses
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
+from fault_tolerance.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,13 +171,17 @@ def regular_constraints(
         return None
 
     def make_drives() -> DriveRows:
-        values, origin = placement.joint_values, placement.pose[:3, 3]
-        screws, _ = forward_kinematics(chains, values, origin)
-        return strut_constraints(chains, screws, len(regular.places[0])).drives
+        return drives_at(chains, placement.joint_values, placement.pose)
 
     return StrutConstraints(
         inverses.structure, regular.structure_strut, inverses.actuator_rows, make_drives, inverses
     )
+
+
+def drives_at(chains: Chains, joint_values: FloatArray, pose: FloatArray) -> DriveRows:
+    """Return the drive rows at joint values (s, k) and a pose (4, 4)."""
+    screws, _ = forward_kinematics(chains, joint_values, pose[:3, 3])
+    return strut_constraints(chains, screws, len(chains.places[0])).drives
 
 
 def _decomposed_drives(block: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

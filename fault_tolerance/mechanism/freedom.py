@@ -15,7 +15,7 @@ from functools import cached_property
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.linear_algebra import decomposed
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)

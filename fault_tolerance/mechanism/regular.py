@@ -28,7 +28,7 @@ import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.screws import moved_to, rotation_vector, skew
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
+from fault_tolerance.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 
 # The inverse may be this large (Frobenius norm, on unit columns) before the definition decides.
 _LARGEST_INVERSE = 1e3
@@ -115,6 +115,12 @@ class RegularStruts:
     places : tuple of two (N,) int arrays
     drive_sizes : (N,) array
         Lengths of the actuated joints' scaled screws at home: metres per unit of the joint.
+    sizes : (s, k) array
+        Lengths of all joints' scaled screws at home, 1 where padded.
+    filling : (s, 6, 6) array
+    limits : (3,) array
+        How large an inverse may be before the definition decides, squared; what times it, and
+        times the square of the columns unless the third is not 0, may be no more than 1.
     """
 
     def __init__(
@@ -130,10 +136,11 @@ class RegularStruts:
         self.places = places
         self.gaps: IntArray = 6 - real.sum(axis=1)
         self.structure_strut: IntArray = np.repeat(np.arange(count), self.gaps)
+        self.sizes: FloatArray = _sizes(screws, real, length, origin)
+        self.filling = filling
         self._length = length
-        self._filling = filling
         self._start = np.diag([length] * 3 + [1.0] * 3)
-        sizes = _sizes(screws, real, length, origin)
+        sizes = self.sizes
         self.drive_sizes: FloatArray = sizes[places]
         self._screws = np.swapaxes(screws / sizes[..., None], 0, 1)[..., None].copy()
         self._reciprocal = np.where(real, 1.0 / sizes, 0.0)[..., None]
@@ -150,6 +157,9 @@ class RegularStruts:
         self._slides = not turning.any()
         self._spread = float((rate_scale / self.drive_sizes).max()) ** 2
         self._reach = float((self.drive_sizes / rate_scale).max()) ** 2
+        self.limits = np.array([
+            _LARGEST_INVERSE**2, self._spread * self._reach / _CONDITION**2, float(self._slides),
+        ])
 
     def with_filling(self, structure: FloatArray, struts: IntArray) -> RegularStruts | None:
         """Return the same with ``structure`` (g, 6) of ``struts`` (g,) as columns C, if it fits.
@@ -159,9 +169,9 @@ class RegularStruts:
         if not np.array_equal(struts, self.structure_strut):
             return None
         other = copy(self)
-        other._filling = np.zeros_like(self._filling)
+        other.filling = np.zeros_like(self.filling)
         owner, slot = self._normals
-        other._filling[owner, :, slot] = structure
+        other.filling[owner, :, slot] = structure
         return other
 
     def placed(self, pose: FloatArray, joint_values: FloatArray) -> Placement:
@@ -189,7 +199,7 @@ class RegularStruts:
     def inverted(self, placement: Placement) -> StrutInverses | None:
         """Return what the struts say at ``placement``; None where they are nearly singular."""
         columns = np.matmul(placement.adjoints[:-1], self._screws)[..., 0]
-        matrices = self._filling.copy()
+        matrices = self.filling.copy()
         filled = matrices[:, :, : len(columns)]
         np.add(filled, columns.transpose(1, 2, 0), out=filled)
         try:

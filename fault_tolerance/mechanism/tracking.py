@@ -11,57 +11,21 @@ anew, once, and the same evaluation certifies what was found (docs/theory.md, se
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from math import isfinite, sqrt
-
-from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.compiled.activation import Active
+from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.attachment import Attachment
-from fault_tolerance.mechanism.chains import Chains
-from fault_tolerance.mechanism.linear_algebra import length, row_products
-from fault_tolerance.mechanism.regular import StrutInverses
+from fault_tolerance.mechanism.following import followed
 from fault_tolerance.mechanism.screws import displaced_by
 from fault_tolerance.mechanism.state import State, placed_state
-from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE
+from fault_tolerance.mechanism.steps import Closed, steps_from
 
 _MOST_EVALUATIONS = 4
 _MOST_CHORDS = 4
-# Characteristic lengths; farther away the last decompositions are no guide any more.
-_FARTHEST = 0.1
+FARTHEST = 0.1
+"""Characteristic lengths; farther away the last decompositions are no guide any more."""
 
-
-@dataclass(frozen=True, eq=False)
-class Closed:
-    """A state whose loops are closed, with its certificate.
-
-    Attributes
-    ----------
-    state : State
-    attachment : Attachment
-        The struts that were closed.
-    kept : int
-        How many of their structural constraints the flexures do not absorb.
-    converged : bool
-    iterations : int
-    """
-
-    state: State
-    attachment: Attachment
-    kept: int
-    converged: bool
-    iterations: int
-
-    @cached_property
-    def open(self) -> tuple[float, float]:
-        """Metres open outside, and along, the directions that flexures absorb."""
-        return self.state.residuals(self.attachment, self.kept)
-
-    @property
-    def closes(self) -> bool:
-        """Whether nothing is open but what the flexures absorb."""
-        if self.attachment.complete and length(self.state.openings) <= CLOSURE_TOLERANCE:
-            return True  # what is open outside some directions is a part of all that is
-        return self.open[0] <= CLOSURE_TOLERANCE
+LAST_STEP = 1e-4
+"""Characteristic lengths; a step of relative length e leaves an error of about e squared."""
 
 
 def tracked(
@@ -82,8 +46,14 @@ def tracked(
     """
     state, iterations = start, 0
     unit = start.chains.length
-    shortest = last_step * unit
+    least, most = last_step * unit, FARTHEST * unit
     kept = state.constraints.structure_of(attachment).kept(compliance)
+    if Active.kernels is not None:
+        steps = steps_from(state, attachment, kept)
+        limits = kept, compliance, least, most
+        near = followed(Active.kernels, state, steps, target, limits) if steps else None
+        if near is not None:
+            return near
     for _ in range(_MOST_EVALUATIONS):
         regular = state.regular
         steps = steps_from(state, attachment, kept)
@@ -94,18 +64,18 @@ def tracked(
             twist, rates, step = steps.towards(target, values, openings)
             iterations += 1
             travelled += step
-            if not travelled <= _FARTHEST * unit:
+            if not travelled <= most:
                 return None  # NaN among them
             pose = displaced_by(pose, twist, unit)
             values = values + rates
             placement = regular.placed(pose, values)
             openings = placement.openings
-            arrived = step * travelled <= shortest**2
-            if arrived and travelled > shortest:
+            arrived = step * travelled <= least**2
+            if arrived and travelled > least:
                 # Readings in contradiction are weighed against each other by what the drives do
                 # here, which is not quite what they did where the decompositions were made.
                 misfit = steps.misfit(target, values)
-                arrived = misfit * travelled <= shortest**2
+                arrived = misfit * travelled <= least**2
             if arrived:
                 break
         found = placed_state(state.chains, regular, placement)
@@ -120,85 +90,3 @@ def tracked(
             if closed.closes:
                 return closed
     return None
-
-
-def steps_from(state: State, attachment: Attachment, kept: int) -> Steps | None:
-    """Return the steps away from ``state``, made once; None where they are not that simple."""
-    made = state.steps
-    key = attachment.lost, kept
-    if key not in made:
-        made[key] = Steps.at(state, attachment, kept)
-    found: Steps | None = made[key]
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """The Gauss-Newton steps that the decompositions at one state give.
-
-    `closing` (6, g) turns the misclosures of ``structure`` (g, 6), rows of ``struts`` (g,), into
-    the twist that mends them, `fit` (6, h) the errors of the actuators, whose ``rows`` are
-    (h, 6), into the one that fits them.
-    """
-
-    attachment: Attachment
-    chains: Chains
-    inverses: StrutInverses
-    structure: FloatArray
-    struts: IntArray
-    closing: FloatArray | None
-    rows: FloatArray
-    fit: FloatArray
-
-    @classmethod
-    def at(cls, state: State, attachment: Attachment, kept: int) -> Steps | None:
-        """Return the steps at ``state``; None where they are not that simple."""
-        constraints = state.constraints
-        if constraints.inverses is None:
-            return None
-        freedom = constraints.freedom_of(attachment, kept)
-        if not freedom.determined:
-            return None
-        structure, closing = constraints.structure_of(attachment), None
-        if kept:
-            scaled = structure.left[:, :kept] / -structure.sigma[:kept]
-            closing = structure.right[:kept].T.dot(scaled.T)
-        inverses, rows = constraints.inverses, constraints.inverses.actuator_rows
-        if not attachment.complete:
-            rows = rows[attachment.places]
-        return cls(
-            attachment, state.chains, inverses, structure.rows, structure.struts, closing, rows,
-            freedom.fit,
-        )
-
-    def misfit(self, target: FloatArray, values: FloatArray) -> float:
-        """Return how far the joint values (s, k) are from the target, metres."""
-        chains = self.chains
-        off = (target - values[chains.places]) * chains.drive_sizes
-        return length(off if self.attachment.complete else off[self.attachment.places])
-
-    def towards(
-        self, target: FloatArray, values: FloatArray, openings: FloatArray
-    ) -> tuple[FloatArray, FloatArray, float]:
-        """Return the scaled twist (6,), the joint rates (s, k) and the length of one step."""
-        attachment, chains = self.attachment, self.chains
-        error = target - values[chains.places]
-        ways = openings
-        if not attachment.complete:
-            error = error[attachment.places]
-        struts = chains.places[0]
-        if self.closing is not None:
-            misclosure = row_products(self.structure, openings[self.struts])
-            closing = self.closing.dot(misclosure)
-            ways = openings + closing
-        ways = ways[struts if attachment.complete else struts[attachment.places]]
-        error -= row_products(self.rows, ways)
-        twist = self.fit.dot(error)
-        if self.closing is not None:
-            twist += closing
-        rates = self.inverses.joint_rates(openings + twist)
-        driven = rates[chains.places] * chains.drive_sizes
-        if not attachment.complete:
-            driven = driven[attachment.places]
-        square = max(float(twist.dot(twist)), float(driven.dot(driven)))
-        return twist, rates, sqrt(square) if isfinite(square) else square

@@ -11,7 +11,7 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
-from fault_tolerance.mechanism.tolerances import RANK_TOLERANCE
+from fault_tolerance.tolerances import RANK_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,8 @@ gone out. All computation is the `Supervisor`'s; what can wait is done when no m
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import sys
 import time
 from typing import Any
@@ -22,6 +24,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from fault_tolerance.compiled.activation import activate
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.recovery import State
 from fault_tolerance.control.settings import Settings
@@ -60,9 +63,15 @@ _LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
 
 
 class Controller(Node):
-    """The shell around a `Supervisor`."""
+    """The shell around a `Supervisor`.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    remark : str, optional
+        Something to tell at the start.
+    """
+
+    def __init__(self, remark: str = '') -> None:
         super().__init__(NAME)
         values = declared_values(self, CONTROLLER, _settings)
         mechanism = mechanism_named(values['mechanism'])
@@ -101,6 +110,8 @@ class Controller(Node):
         self.create_timer(COLLECTION_PERIOD, self._on_collection_due, clock=steady)
         self._line.call_on_jump(self._on_jump)
         self._health.remark(_real_time_notice(values['realtime_priority']))
+        if remark:
+            self.get_logger().info(remark)
 
     def farewell(self) -> None:
         """Bring the drives to rest."""
@@ -172,6 +183,8 @@ class Controller(Node):
         """Compute and send a command; what has changed is told when no message is waiting."""
         command = self._supervisor.command(now)
         self._commands.send(command.rates, command.achieved)
+        # Who hears it may have been woken on this processor, and waits until it is free.
+        os.sched_yield()
         output = self._supervisor.settled()
         if output.rates is not command.rates:
             self._commands.send(output.rates, output.achieved)
@@ -230,7 +243,11 @@ def _real_time_notice(priority: int) -> Notice | None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node; return the exit code."""
-    return run(NAME, Controller, args)
+    try:
+        slowly = activate(lambda text: print(f'{NAME}: {text}', file=sys.stderr, flush=True))
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    return run(NAME, lambda: Controller(slowly), args)
 
 
 if __name__ == '__main__':

@@ -63,7 +63,7 @@ class ReportInbox:
 
     def __init__(self, names: Iterable[str]) -> None:
         self.dropped = 0
-        self._names = tuple(name.encode() for name in names)
+        self._names = re.compile(b'|'.join(re.escape(name.encode()) for name in names))
         self._failures: deque[bytes] = deque()
         self._others: deque[bytes] = deque()
         self._foreign: deque[bytes] = deque(maxlen=_MOST_FOREIGN)
@@ -78,7 +78,7 @@ class ReportInbox:
         if len(message) > MOST_BYTES:
             self.dropped += 1
             return
-        if not any(name in message for name in self._names):
+        if not self._names.search(message):
             self._foreign.append(message)
             return
         digest = hash(message)
@@ -87,7 +87,10 @@ class ReportInbox:
         if len(self._seen) >= _MOST_WAITING:
             self._seen.clear()
         self._seen[digest] = now
-        if _FAILURE.search(message):
+        if not (self._failures or self._others) and self._renewed_credit(now) > RESERVE:
+            # It is read next, whatever it says.
+            self._failures.append(message)
+        elif _FAILURE.search(message):
             # Order counts: good news from before a failure may not be read after it.
             self.dropped += len(self._others)
             self._others.clear()
@@ -99,14 +102,19 @@ class ReportInbox:
         """Return a message to decode, or None: there is none, or no time for one yet."""
         if not (self._failures or self._others or self._foreign):
             return None
+        credit = self._renewed_credit(now)
+        if self._failures:
+            return self._failures.popleft() if credit > 0.0 else None
+        if self._others:
+            return self._others.popleft() if credit > RESERVE else None
+        # Mistakes are told of when there is plenty of time.
+        return self._foreign.popleft() if credit >= BURST else None
+
+    def _renewed_credit(self, now: float) -> float:
+        """Return the seconds that reading may take now."""
         self._credit = min(self._credit + SHARE * max(now - self._renewed, 0.0), BURST)
         self._renewed = now
-        if self._failures:
-            return self._failures.popleft() if self._credit > 0.0 else None
-        if self._others:
-            return self._others.popleft() if self._credit > RESERVE else None
-        # Mistakes are told of when there is plenty of time.
-        return self._foreign.popleft() if self._credit >= BURST else None
+        return self._credit
 
     def _append(self, queue: deque[bytes], message: bytes) -> None:
         if len(queue) == _MOST_WAITING:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import TwistStamped
@@ -21,8 +21,7 @@ from fault_tolerance.nodes.messages import twist_from_msg
 from fault_tolerance.nodes.timeline import TimeLine
 
 
-@dataclass(frozen=True, eq=False)
-class Input:
+class Input(NamedTuple):
     """Values, and when they were measured or asked for (None: unknown)."""
 
     values: FloatArray

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -42,8 +42,7 @@ _LEVELS = (
 _NANOSECONDS = 1_000_000_000
 
 
-@dataclass(frozen=True)
-class StatusValues:
+class StatusValues(NamedTuple):
     """The parts of a diagnostic status that failure reports are made of."""
 
     name: str

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
@@ -17,11 +17,11 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.inbox import ReportInbox
 from fault_tolerance.nodes.messages import statuses_from_msg
+from fault_tolerance.nodes.serialised_diagnostics import StampedStatuses, statuses_in
 from fault_tolerance.nodes.timeline import TimeLine
 
 
-@dataclass(frozen=True)
-class Batch:
+class Batch(NamedTuple):
     """The failure reports of one message, and its stamp (or the time of receipt) as text."""
 
     reports: tuple[Report, ...]
@@ -50,8 +50,9 @@ class ReportReader:
         self._health = health
         self._inbox = ReportInbox(self._names)
         # The first message takes long, as code is loaded for it: so that is not a failure report.
-        first = DiagnosticArray(status=[DiagnosticStatus()])
-        deserialize_message(serialize_message(first), DiagnosticArray)
+        first = serialize_message(DiagnosticArray(status=[DiagnosticStatus()]))
+        statuses_in(first)
+        _decoded(first)
 
     def put(self, raw: bytes) -> None:
         """Take a serialised message."""
@@ -73,30 +74,34 @@ class ReportReader:
         begin = self._line.now()
         while (raw := self._inbox.next(begin)) is not None:
             try:
-                message = deserialize_message(raw, DiagnosticArray)
+                found = statuses_in(raw) or _decoded(raw)
             except Exception as error:  # the middleware's own, for bytes that are no such message
                 text = f'diagnostics that cannot be decoded: {error}'
                 self._health.remark(Notice('undecodable', text))
             else:
-                batch = self._batch(message)
+                batch = self._batch(found)
                 if batch.reports:
                     yield batch
             end = self._line.now()
             self._inbox.spent(end - begin)
             begin = end
 
-    def _batch(self, message: DiagnosticArray) -> Batch:
-        stamp = message.header.stamp
-        placed = self._line.placed(stamp)
-        if placed is None:
-            stamp = self._line.stamp()
-        found = (
-            report_of(
-                status.name, status.hardware_id, status.level, mode, placed,
-                prefix=self._prefix, names=self._names,
-            )
-            for status in statuses_from_msg(message)
-            for mode in status.modes
-        )
-        reports = tuple(report for report in found if report is not None)
-        return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')
+    def _batch(self, message: StampedStatuses) -> Batch:
+        placed = self._line.placed(message)
+        stamp = message if placed is not None else self._line.stamp()
+        reports = []
+        for status in message.statuses:
+            for mode in status.modes:
+                report = report_of(
+                    status.name, status.hardware_id, status.level, mode, placed,
+                    prefix=self._prefix, names=self._names,
+                )
+                if report is not None:
+                    reports.append(report)
+        return Batch(tuple(reports), f'{stamp.sec}.{stamp.nanosec:09d}')
+
+
+def _decoded(raw: bytes) -> StampedStatuses:
+    message = deserialize_message(raw, DiagnosticArray)
+    stamp = message.header.stamp
+    return StampedStatuses(stamp.sec, stamp.nanosec, tuple(statuses_from_msg(message)))

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
-from rclpy.clock import Clock, JumpThreshold
+from rclpy.clock import JumpThreshold, ROSClock
 from rclpy.duration import Duration
 
 from fault_tolerance.nodes.messages import nanoseconds_from_msg
@@ -26,14 +26,19 @@ class TimeLine:
 
     Parameters
     ----------
-    clock : Clock
+    clock : ROSClock
         The one that stamps are read from.
     """
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: ROSClock) -> None:
         self._clock = clock
         self._offset = 0
         self._jumps: list[object] = []
+        self._simulated = clock.ros_time_is_active
+        threshold = JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True)
+        self._jumps.append(
+            clock.create_jump_callback(threshold, post_callback=self._on_clock_change)
+        )
 
     def call_on_jump(self, callback: Callable[[float], None]) -> None:
         """Call ``callback`` with the present whenever the clock is set back or exchanged.
@@ -58,12 +63,20 @@ class TimeLine:
         """Return the present as stamps have it."""
         return self._clock.now().to_msg()
 
+    def _wall(self) -> int:
+        """Return the present as stamps have it, nanoseconds."""
+        # To ask the clock takes long; unless time is simulated it shows the system's.
+        return int(self._clock.now().nanoseconds) if self._simulated else time.time_ns()
+
+    def _on_clock_change(self, _: object) -> None:
+        self._simulated = self._clock.ros_time_is_active
+
     def placed(self, stamp: Time) -> float | None:
         """Return where a stamp lies, or None for zero, which says nothing."""
         nanoseconds = nanoseconds_from_msg(stamp)
         if nanoseconds == 0:
             return None
-        offset = self._clock.now().nanoseconds - time.monotonic_ns()
+        offset = self._wall() - time.monotonic_ns()
         if abs(offset - self._offset) > _JITTER:
             self._offset = offset
         return (nanoseconds - self._offset) * 1e-9

@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time as Stamp
+from rclpy.clock import JumpThreshold
 from rclpy.time import Time
 
 from fault_tolerance.control.recovery import State
@@ -20,11 +23,16 @@ SECOND = 1_000_000_000
 class Clock:
     """A ROS clock that shows what it is told to."""
 
+    ros_time_is_active = True
+
     def __init__(self, nanoseconds: int) -> None:
         self.nanoseconds = nanoseconds
 
     def now(self) -> Time:
         return Time(nanoseconds=self.nanoseconds)
+
+    def create_jump_callback(self, threshold: JumpThreshold, *, post_callback: Callable) -> None:
+        pass
 
 
 def test_the_age_of_a_stamp_is_kept():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.configuration import fitted_configuration, solved_configuration
-from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE
+from fault_tolerance.tolerances import CLOSURE_TOLERANCE
 
 REDUNDANT = ('fsm_overactuated', 'planar_4rpr', 'hexapod_8', 'guided_mirror')
 

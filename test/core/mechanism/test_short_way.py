@@ -27,7 +27,7 @@ from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 from fault_tolerance.mechanism.regular import RegularStruts
 from fault_tolerance.mechanism.screws import displaced, displaced_by
 from fault_tolerance.mechanism.state import evaluated, state_by_definition
-from fault_tolerance.mechanism.tolerances import CLOSURE_TOLERANCE
+from fault_tolerance.tolerances import CLOSURE_TOLERANCE
 
 SHIPPED = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated', 'mirror_4_strut',
            'mirror_overactuated', 'gough_stewart_6', 'gough_stewart_8', 'planar_4rpr')

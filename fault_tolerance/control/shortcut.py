@@ -1,0 +1,265 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The shortest way from joint values to a command, where nothing is out of the ordinary.
+
+The compiled path does in one call what a command needs, provided that it is made as the one
+before was: with the same failures, the same freedoms, far from singularities and limits. It makes
+sure of that itself, and declines otherwise. What else there is to know of the new configuration
+is made of its results after the command has gone out (`Shortcut.followed`); nothing but the order
+of things differs from the long way (`fault_tolerance.control.situation.Situation.assess`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fault_tolerance.compiled.activation import Active
+from fault_tolerance.control.assessment import Assessment, Fit, Prospect
+from fault_tolerance.control.command import LEAVING, CommandLaw
+from fault_tolerance.control.limits import LimitedRate, constant_limits
+from fault_tolerance.control.resolved_rate import ResolvedRate, TaskInverse
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.transition import Begun
+from fault_tolerance.kinematics.differential import failed_parts, kinematics_from
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.reconfiguration import PostFailure
+from fault_tolerance.kinematics.rows import strut_rows
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.configuration import configuration_from
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.following import closed_from, constant_part, way_on
+from fault_tolerance.mechanism.steps import Closed, Steps
+from fault_tolerance.mechanism.tracking import FARTHEST, LAST_STEP
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What came of a command by the shortcut, once it is out.
+
+    Attributes
+    ----------
+    prospect : Prospect
+    inverse : TaskInverse
+    limited : LimitedRate
+        What the command was made of.
+    looseness : float, optional
+        See `CommandLaw`.
+    exact : bool
+        Whether the prospect is of the present joint values.
+    begun : Begun, optional
+        How a transition began with it.
+    """
+
+    prospect: Prospect
+    inverse: TaskInverse
+    limited: LimitedRate
+    looseness: float | None = None
+    exact: bool = True
+    begun: Begun | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """The arrays that one configuration gives, as parts of a single one."""
+
+    shapes: tuple[tuple[int, ...], ...]
+    ends: tuple[int, ...]
+
+    @classmethod
+    def of(cls, shapes: tuple[tuple[int, ...], ...]) -> _Place:
+        """Return room for arrays of ``shapes``."""
+        ends = np.cumsum([prod(shape) for shape in shapes]).tolist()
+        return cls(shapes, tuple(ends))
+
+    def arrays(self, values: FloatArray) -> list[FloatArray]:
+        """Return the parts of ``values``, read-only."""
+        values.setflags(write=False)
+        result, start = [], 0
+        for shape, end in zip(self.shapes, self.ends, strict=True):
+            result.append(values[start:end].reshape(shape))
+            start = end
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Constants:
+    """What stays while the failures and the way to take do."""
+
+    key: tuple[Any, ...]
+    arguments: tuple[Any, ...]
+    place: _Place
+    unit: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Ready:
+    """Everything but the inputs of the next command, and where it starts."""
+
+    failures: FailureSet
+    arguments: tuple[Any, ...]
+    constants: _Constants
+    closed: Closed
+
+
+class _Taken(NamedTuple):
+    """A command that has been computed, and what with."""
+
+    ready: _Ready
+    values: FloatArray
+    velocity: FloatArray
+    steps: int
+    driven: int
+    out: FloatArray
+
+
+class Shortcut:
+    """Computes commands the shortest way, where there is one.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    settings : Settings
+    law : CommandLaw
+    yielding : float
+        What the flexures absorb while loops are closed.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, settings: Settings, law: CommandLaw, yielding: float
+    ) -> None:
+        self._mechanism = mechanism
+        self._settings = settings
+        self._law = law
+        self._yielding = yielding
+        self._constants: _Constants | None = None
+        self._ready: _Ready | None = None
+        self._taken: _Taken | None = None
+
+    def prepare(self, assessment: Assessment) -> None:
+        """Make ready for the next command, after one at ``assessment`` that moved."""
+        self._ready = None
+        post, closed = assessment.post, assessment.configuration.closed
+        if Active.kernels is None or closed is None or not self._mechanism.rates_alike:
+            return
+        if (
+            not closed.attachment.complete
+            or post.rows.compliance != self._mechanism.compliance
+            or not post.present.stable
+        ):
+            return
+        steps = closed.state.steps.get((closed.attachment.lost, closed.kept))
+        if steps is None:
+            return
+        constants = self._constants_at(post, closed, steps)
+        arguments = (*constants.arguments, *way_on(closed.state, steps))
+        self._ready = _Ready(post.failures, arguments, constants, closed)
+
+    def forget(self) -> None:
+        """Take the long way next: something is out of the ordinary."""
+        self._ready = None
+
+    def command(
+        self, values: FloatArray, velocity: FloatArray, failures: FailureSet
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return rates (N,) and twist (6,) for joint values (N,) and a task velocity (l,).
+
+        None where the long way is to be taken. The next call is to be preceded by `followed`,
+        if not None.
+        """
+        ready, kernels = self._ready, Active.kernels
+        self._ready = None
+        if ready is None or kernels is None or failures != ready.failures:
+            return None
+        place = ready.constants.place
+        out = np.empty(place.ends[-1])
+        steps, driven = kernels.command(*ready.arguments, values, velocity, out)
+        if not steps:
+            return None
+        self._taken = _Taken(ready, values, velocity, steps, driven, out)
+        count = place.ends[0]
+        return out[:count], out[count : count + 6]
+
+    def followed(self) -> Followed | None:
+        """Return what came of the last command, once; None if it was not by the shortcut."""
+        taken, self._taken = self._taken, None
+        if taken is None:
+            return None
+        ready = taken.ready
+        (
+            rates, twist, major_part, secondary_part, major, secondary, jacobian, mapping,
+            twist_jacobian, rate_map, first, transmissions, second, *found, last,
+        ) = ready.constants.place.arrays(taken.out)
+        outside, along, looseness = last.tolist()
+        before = ready.closed
+        closed = closed_from(
+            before.state, before.attachment, before.kept, taken.steps, found, (outside, along)
+        )
+        configuration = configuration_from(self._mechanism, closed, taken.values)
+        rows = strut_rows(configuration)
+        kinematics = kinematics_from(
+            rows,
+            failed_parts(self._mechanism, ready.failures),
+            closed.kept,
+            (jacobian, mapping, twist_jacobian, rate_map, first, transmissions, second),
+        )
+        post = PostFailure(rows, ready.failures, kinematics)
+        fit = Fit((taken.values.tobytes(), ready.failures.lost), configuration, rows)
+        assessment = Assessment(configuration, post, self._settings.tolerance_threshold)
+        transmission = float(transmissions[-1]) / ready.constants.unit
+        inverse = TaskInverse(kinematics, major, secondary, taken.driven, transmission)
+        resolved = ResolvedRate(
+            kinematics, taken.velocity, major_part, secondary_part, taken.driven, transmission
+        )
+        resolved.__dict__.update(rates=rates, twist=twist)
+        return Followed(
+            Prospect(fit, assessment), inverse, LimitedRate(resolved, 1.0, 1.0, ()), looseness
+        )
+
+    def _constants_at(self, post: PostFailure, closed: Closed, steps: Steps) -> _Constants:
+        """Return the constant arguments and the room for the results."""
+        mobility, regular = post.present.mobility, closed.state.regular
+        assert regular is not None
+        key = post.failures, id(regular), closed.kept, mobility
+        known = self._constants
+        if known is not None and known.key == key and known.arguments[3] is regular.filling:
+            return known
+        mechanism, law, settings = self._mechanism, self._law, self._settings
+        task, rows, length = mechanism.task, post.rows, mechanism.characteristic_length
+        part = constant_part(closed.state.chains, closed.attachment)
+        failed = failed_parts(mechanism, post.failures)
+        least = max(settings.slow_below, LEAVING * settings.hold_below)
+        arguments = (
+            *part.of_struts(regular, settings.misfit_limit * length),
+            *part.of_attachment,
+            self._yielding, LAST_STEP * length, FARTHEST * length, mechanism.compliance,
+            rows.twist_scale, rows.task_rows, task.major_rows, task.secondary_rows,
+            *law.resolver.constants,
+            *constant_limits(mechanism), settings.stroke_gain,
+            failed.stuck, failed.driving, failed.all_drive,
+            law.yardstick, law.tight, least,
+            closed.kept, mobility,
+        )
+        drives, task_size = len(mechanism.actuators), len(task.coordinates)
+        struts, joints = closed.state.joint_values.shape
+        structure = closed.state.constraints.structure_of(closed.attachment)
+        gaps, kept, major = len(steps.struts), closed.kept, len(task.major_rows)
+        width, rank = 6 - kept, len(structure.sigma)
+        gains = min(drives, width)
+        place = _Place.of((
+            (drives,), (6,), (mobility,), (mobility,),
+            (mobility, task_size), (mobility, task_size),
+            (task_size, mobility), (drives, mobility), (6, mobility), (drives, mobility),
+            (major, min(major, mobility)), (min(major, mobility),), (mobility, mobility),
+            (4, 4), (struts, joints), (drives,), (struts, 6), (struts, joints, 6), (gaps, 6),
+            (drives, 6),
+            (gaps, rank), (rank,), (6, 6),
+            (6, width), (drives, width), (drives, gains), (gains,), (width, width),
+            (6, gaps), (6, drives), (3,),
+        ))
+        self._constants = _Constants(key, arguments, place, float(rows.rate_scale[0]))
+        return self._constants

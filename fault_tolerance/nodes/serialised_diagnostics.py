@@ -1,0 +1,74 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The failure modes in a serialised DiagnosticArray, read where they stand.
+
+A command waits for this. To make message objects of everything takes several times as long as to
+read the few strings that matter; what is not laid out as expected here is left to the middleware.
+
+The layout is that of the OMG's CDR (DDS-XTypes 1.3, 7.4.1, encoding 1): numbers at multiples of
+their size, strings with their length before and a zero at the end.
+"""
+
+from __future__ import annotations
+
+from struct import Struct, error
+from typing import NamedTuple
+
+from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, StatusValues
+
+_LITTLE_ENDIAN = b'\0\1'
+_BEGIN = 4
+_STAMP = Struct('<iI')
+_COUNT = Struct('<I')
+_KEY = FAILURE_MODE_KEY.encode()
+
+
+class StampedStatuses(NamedTuple):
+    """The statuses of a message that carry a failure mode, and its stamp."""
+
+    sec: int
+    nanosec: int
+    statuses: tuple[StatusValues, ...]
+
+
+def statuses_in(raw: bytes) -> StampedStatuses | None:
+    """Return what a serialised message says of failures; None if it is not understood here."""
+    if raw[:2] != _LITTLE_ENDIAN:
+        return None
+    try:
+        sec, nanosec = _STAMP.unpack_from(raw, _BEGIN)
+        count, at = _number(raw, _string(raw, _BEGIN + _STAMP.size)[1])
+        statuses = []
+        for _ in range(count):
+            level = raw[at]
+            name, at = _string(raw, at + 1)
+            hardware_id, at = _string(raw, _string(raw, at)[1])
+            pairs, at = _number(raw, at)
+            modes = []
+            for _ in range(pairs):
+                key, at = _string(raw, at)
+                value, at = _string(raw, at)
+                if key == _KEY:
+                    modes.append(value.decode())
+            if modes:
+                found = StatusValues(name.decode(), hardware_id.decode(), level, tuple(modes))
+                statuses.append(found)
+    except (error, IndexError, ValueError):
+        return None
+    return StampedStatuses(sec, nanosec, tuple(statuses))
+
+
+def _number(raw: bytes, at: int) -> tuple[int, int]:
+    """Return a number, and where it ends."""
+    at = (at + 3) & ~3
+    return _COUNT.unpack_from(raw, at)[0], at + 4
+
+
+def _string(raw: bytes, at: int) -> tuple[bytes, int]:
+    """Return a string, and where it ends."""
+    at = (at + 3) & ~3
+    end = at + 4 + _COUNT.unpack_from(raw, at)[0]
+    if raw[end - 1]:
+        raise ValueError('a string without a zero at its end')
+    return raw[at + 4 : end - 1], end

@@ -1,0 +1,203 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The shortcuts to a command: the same command, output and state as by the long way."""
+
+import numpy as np
+import pytest
+from core.cases import named
+from core.compiled.test_compiled_kinematics import path, same
+from core.control.control_cases import report
+
+from fault_tolerance.compiled.activation import Active, activate
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.shortcut import Shortcut
+from fault_tolerance.control.situation import Situation
+from fault_tolerance.control.supervisor import Supervisor
+
+pytestmark = pytest.mark.needs_numba
+
+NAMES = ('fsm_3_strut', 'fsm_4_strut', 'mirror_4_strut', 'mirror_overactuated', 'fsm_overactuated',
+         'gough_stewart_6', 'gough_stewart_8', 'planar_4rpr')
+
+
+@pytest.fixture(scope='module')
+def kernels():
+    assert activate() == ''
+    found = Active.kernels
+    Active.kernels = None
+    return found
+
+
+class Both:
+    """One supervisor by the shortest way, one by the long one; what is told both must agree."""
+
+    def __init__(self, mechanism, kernels, **settings):
+        self.kernels = kernels
+        self.pair = [Supervisor(mechanism, Settings(auto_clear=True, **settings)) for _ in 'ab']
+        self.now = 0.0
+        self.short = self.first = 0
+
+    def each(self, do):
+        """Return what both say."""
+        Active.kernels = self.kernels
+        try:
+            one = do(self.pair[0])
+        finally:
+            Active.kernels = None
+        return one, do(self.pair[1])
+
+    def tell(self, do):
+        one, other = self.each(do)
+        assert one == other
+
+    def step(self):
+        """Step both, and compare everything that comes of it."""
+        one, other = self.each(lambda each: each.step(self.now))
+        assert (one.state, one.reason) == (other.state, other.reason)
+        assert one.failures == other.failures
+        scale = max(1e-9, float(np.abs(other.rates).max()))
+        for name in ('rates', 'achieved', 'residual'):
+            np.testing.assert_allclose(
+                getattr(one, name), getattr(other, name), atol=1e-9 * scale, err_msg=name
+            )
+        same(one.scale, other.scale)
+        same(one.secondary_scale, other.secondary_scale)
+        for name in ('saturation', 'out_of_range', 'inconsistent', 'notices', 'input_lost'):
+            assert getattr(one, name) == getattr(other, name), name
+        same(one.jump.major, other.jump.major)
+        same(one.jump.rates, other.jump.rates)
+        assert (one.post is None) == (other.post is None)
+        if one.post is not None:
+            assert one.post.failures == other.post.failures
+            assert one.post.present.mobility == other.post.present.mobility
+            assert one.post.verdict == other.post.verdict
+            same(one.configuration.pose, other.configuration.pose)
+            same(one.configuration.misfit, other.configuration.misfit)
+        assert self.pair[0].assessed_by == self.pair[1].assessed_by
+        return one
+
+    def move(self, values, velocity, seconds=0.01):
+        self.now += seconds
+        self.tell(lambda each: each.joint_reading(values, self.now))
+        self.tell(lambda each: each.task_velocity(velocity, self.now))
+        return self.step()
+
+    def anticipate(self):
+        self.each(lambda each: [None for _ in iter(each.anticipate, False)])
+
+    def report(self, mode, name):
+        self.now += 0.001
+        self.tell(lambda each: each.reports([report(mode, name)], self.now).changed)
+        return self.step()
+
+
+@pytest.fixture
+def taken(monkeypatch):
+    """Return how often each shortcut was taken."""
+    count = {'shortcut': 0, 'first': 0}
+
+    def counted(cls, name, key):
+        real = getattr(cls, name)
+
+        def call(self, *given):
+            found = real(self, *given)
+            count[key] += found is not None
+            return found
+
+        monkeypatch.setattr(cls, name, call)
+
+    counted(Shortcut, 'command', 'shortcut')
+    counted(Situation, 'first_command', 'first')
+    return count
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('acceleration', [1e-3, 1e3])
+def test_through_failures_and_back(kernels, taken, name, acceleration):
+    mechanism = named(name)
+    both = Both(mechanism, kernels, max_acceleration=acceleration)
+    count = len(mechanism.task.coordinates)
+    rng = np.random.default_rng(2)
+    velocity = 1e-3 * rng.normal(size=count)
+    places = path(mechanism, size=0.01, count=40)
+    words = ('position', 'torque', *(['hard'] if len(mechanism.struts) > 1 else []))
+    for word in words:
+        for drive in mechanism.actuator_names[:2]:
+            for values in places[:4]:
+                both.move(values, velocity)
+            both.anticipate()
+            both.report(word, drive)
+            for values in places[4:8]:
+                both.move(values, velocity)
+            both.report('none', drive)
+            both.each(lambda each: each.clear(both.now))
+            both.step()
+    if not mechanism.rates_alike:  # radians and metres: the long way
+        assert not taken['shortcut'] + taken['first']
+        return
+    assert taken['shortcut'] >= 2 * len(words)
+    # Those without redundancy tolerate none.
+    assert taken['first'] or name in ('fsm_3_strut', 'gough_stewart_6')
+
+
+@pytest.mark.parametrize('name', ['mirror_4_strut', 'gough_stewart_8'])
+@pytest.mark.parametrize('seed', range(15))
+def test_whatever_comes(kernels, name, seed):
+    mechanism = named(name)
+    rng = np.random.default_rng(seed)
+    both = Both(mechanism, kernels, max_acceleration=10.0 ** rng.uniform(-3, 2))
+    count = len(mechanism.task.coordinates)
+    parts = (*mechanism.actuator_names, *mechanism.strut_names)
+    places = path(mechanism, size=10.0 ** rng.uniform(-3, -0.5), count=60)
+    place, velocity = 0, np.zeros(count)
+    for _ in range(80):
+        what = rng.integers(12)
+        if what < 6:
+            place = (place + int(rng.integers(1, 3))) % len(places)
+            both.move(places[place], velocity, float(rng.choice([1e-3, 1e-2, 0.3])))
+        elif what == 6:
+            velocity = 10.0 ** rng.uniform(-4, 2) * rng.normal(size=count) * rng.integers(0, 2)
+        elif what == 7:
+            both.anticipate()
+        elif what == 8:
+            word = str(rng.choice(['position', 'torque', 'hard', 'none', 'none', 'none']))
+            both.report(word, parts[rng.integers(len(parts))])
+        elif what == 9:
+            both.tell(lambda each: each.clear(both.now).success)
+        elif what == 10:
+            paused = bool(rng.integers(4) == 0)
+            both.tell(lambda each, paused=paused: each.pause(paused, both.now))
+        else:
+            both.now += 0.05
+            both.step()
+
+
+def test_at_the_limits_the_long_way_is_taken(kernels, taken):
+    """What would be too fast, or beyond a stroke, is slowed down as it always is."""
+    mechanism = named('mirror_4_strut')
+    both = Both(mechanism, kernels)
+    fast = np.array([50.0, 20.0, 0.0])
+    for values in path(mechanism, count=5):
+        output = both.move(values, fast)
+    assert output.saturation
+    assert not taken['shortcut']
+
+
+def test_an_error_after_the_command_brings_it_to_rest(kernels, monkeypatch):
+    mechanism = named('mirror_4_strut')
+    supervisor = Supervisor(mechanism)
+    Active.kernels = kernels
+    try:
+        for number, values in enumerate(path(mechanism, count=4)):
+            now = 0.01 * number
+            supervisor.joint_reading(values, now)
+            supervisor.task_velocity(np.array([1e-3, 0.0, 0.0]), now)
+            supervisor.step(now)
+        supervisor.joint_reading(path(mechanism, count=5)[1], 0.05)
+        monkeypatch.setattr(Shortcut, 'followed', lambda self: 1 / 0)
+        assert supervisor.command(0.05).rates.any()
+        output = supervisor.settled()
+    finally:
+        Active.kernels = None
+    assert 'internal error' in output.reason
+    assert not output.rates.any()
