@@ -29,6 +29,7 @@ import benchmark
 from benchmark.facts import machine_facts
 from benchmark.figure import draw
 from benchmark.targets import TARGETS
+from fault_tolerance.compiled.activation import activate
 
 KEYS = ('name', 'mechanism', 'struts', 'p50_us', 'p99_us', 'repeats', 'note')
 REPEATS, QUICK_REPEATS = 5, 2
@@ -48,6 +49,9 @@ def main(arguments: list[str] | None = None) -> int:
     if unknown := sorted(set(given.only) - set(found)):
         parser.error(f'no such benchmark: {", ".join(unknown)}; there are {", ".join(found)}')
     console = Console(width=None if sys.stdout.isatty() else 120)
+    # As the controller does; it would have to do it while it is waited for.
+    if slowly := activate(console.print):
+        console.print(slowly)
     facts = machine_facts()
     rows: list[dict[str, Any]] = []
     skipped: dict[str, str] = {}
@@ -102,7 +106,8 @@ def _tell(console: Console, results: dict[str, Any]) -> None:
     console.print(
         f'\n{facts["cpu"]}, {facts["cores"]} cores, load {facts["load"][0]:.1f} to '
         f'{facts["load_at_the_end"][0]:.1f}, Linux {facts["kernel"]}, Python {facts["python"]}, '
-        f'{facts["executor"]}, scheduling {facts["scheduling"]}'
+        f'{facts["executor"]}, scheduling {facts["scheduling"]}, '
+        f'commands {"compiled" if facts["compiled"] else "by numpy"}'
     )
     console.print(', '.join(f'{name} {found}' for name, found in facts['versions'].items()))
     console.print(_figures(results['rows']))

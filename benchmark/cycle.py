@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.names import CYCLE
+from benchmark.names import CYCLE, GROWTH
 from benchmark.peers import PEERS
 from benchmark.samples import main, row
 from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.reports import ERROR, Report
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.situation import Situation
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
@@ -60,17 +61,25 @@ def path(mechanism: Mechanism) -> list[Configuration]:
 
 def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[], object]:
     """Return a call of the cycle at the next readings, each warm-started from the last."""
-    law = CommandLaw(mechanism, Settings())
+    settings, none = Settings(), failure_set(mechanism, [])
+    law = CommandLaw(mechanism, settings)
+    situation = Situation(mechanism, settings, law)
     velocity = np.full(len(mechanism.task.coordinates), 1e-5)
-    place, last = 0, None
+    velocity.setflags(write=False)
+    place = 0
 
     def call() -> object:
-        nonlocal place, last
+        nonlocal place
         place = (place + 1) % len(readings)
         values = readings[place]
-        last = fitted_configuration(mechanism, values, start=last)
-        post = reconfigured(strut_rows(last))
-        return law.limited(law.resolved(post.present, velocity), values)
+        if situation.shortcut(values, velocity, none) is not None:
+            limited = situation.catch_up().limited
+        else:
+            situation.assess(values, none)
+            kinematics = situation.assessment.post.present
+            limited = law.limited(law.resolved(kinematics, velocity), values)
+        situation.prepare(moves=True)
+        return limited
 
     return call
 
@@ -124,7 +133,7 @@ def in_turn(
 def run(repeats: int = 5, *, quick: bool = False) -> list[dict[str, Any]]:
     """Return the rows of the results."""
     calls = 20 if quick else 200
-    rows = []
+    rows = _growth(repeats, calls)
     mechanisms = [mechanism_named(name) for name in NAMED]
     mechanisms += [evenly_spaced_mirror(count) for count in (MANY[:2] if quick else MANY)]
     for mechanism in mechanisms:
@@ -164,6 +173,20 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
         row(name, samples, mechanism=mechanism.name, struts=len(mechanism.struts),
             note=notes[name])
         for name, samples in zip(named, found, strict=True)
+    ]
+
+
+def _growth(repeats: int, calls: int) -> list[dict[str, Any]]:
+    """Return the rows of the cycle of the mechanisms compared, these two in turn."""
+    mechanisms = [mechanism_named(name) for name in COMPARED]
+    cycles = []
+    for mechanism in mechanisms:
+        readings = [np.array(one.actuator_values) for one in path(mechanism)]
+        cycles.append(derived_anew(mechanism, readings))
+    return [
+        row(GROWTH.format(len(mechanism.struts)), samples, mechanism=mechanism.name,
+            struts=len(mechanism.struts), note='in turn with the other')
+        for mechanism, samples in zip(mechanisms, in_turn(cycles, repeats, calls), strict=True)
     ]
 
 

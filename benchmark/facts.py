@@ -12,8 +12,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from fault_tolerance.compiled.activation import Active
+
 PACKAGES = (
-    'numpy', 'scipy', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'pin', 'pin-pink', 'mujoco', 'mink'
+    'numpy', 'scipy', 'numba', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'pin', 'pin-pink', 'mujoco',
+    'mink',
 )
 SETTINGS = ('RMW_IMPLEMENTATION', 'FASTDDS_BUILTIN_TRANSPORTS', 'OPENBLAS_NUM_THREADS')
 
@@ -30,6 +33,7 @@ def machine_facts() -> dict[str, Any]:
         'executor': _executor(),
         'settings': {name: os.environ[name] for name in SETTINGS if name in os.environ},
         'scheduling': _scheduling(),
+        'compiled': Active.kernels is not None,
     }
 
 

@@ -12,6 +12,7 @@ SUSTAINED = '1 kHz, all in'
 SUSTAINED_REAL_TIME = '1 kHz, all in, real-time scheduling'
 
 CYCLE = 'control cycle'
+GROWTH = 'control cycle, N = {} in turn'
 PINOCCHIO = 'pinocchio'
 MEASURES = 'all single and double measures'
 DEFINITIONS = 'all single and double measures by definition'

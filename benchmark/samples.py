@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any
 
 import numpy as np
+
+from fault_tolerance.compiled.activation import activate
 
 
 def row(
@@ -67,5 +70,8 @@ def main(run: Callable[..., list[dict[str, Any]]]) -> None:
     parser.add_argument('--quick', action='store_true', help='a short run, which says little')
     parser.add_argument('--repeats', type=int, default=5)
     given = parser.parse_args()
+    # As the controller does.
+    if slowly := activate():
+        print(slowly, file=sys.stderr)
     for one in run(given.repeats, quick=given.quick):
         print(json.dumps(one))

@@ -18,6 +18,7 @@ from benchmark.names import (
     CYCLE,
     DEFINITIONS,
     FAILURE,
+    GROWTH,
     JOINT_STATE_ECHO,
     MEASURES,
     PAIRS,
@@ -96,7 +97,7 @@ def _cycle_over_peer(struts: int) -> Callable[[Rows], float | None]:
 
 
 def _growth(rows: Rows) -> float | None:
-    return _over(_p50(rows, CYCLE, struts=8), _p50(rows, CYCLE, struts=4))
+    return ratio(rows, GROWTH.format(8), GROWTH.format(4))
 
 
 def _measures(rows: Rows) -> float | None:
