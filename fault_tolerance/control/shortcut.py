@@ -27,7 +27,7 @@ from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Begun
 from fault_tolerance.kinematics.differential import failed_parts, kinematics_from
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.kinematics.reconfiguration import PostFailure
+from fault_tolerance.kinematics.reconfiguration import PostFailure, sound_verdict
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import configuration_from
@@ -67,23 +67,25 @@ class Followed:
 class _Place:
     """The arrays that one configuration gives, as parts of a single one."""
 
-    shapes: tuple[tuple[int, ...], ...]
-    ends: tuple[int, ...]
+    parts: tuple[tuple[int, int, tuple[int, ...] | None], ...]
+    size: int
 
     @classmethod
     def of(cls, shapes: tuple[tuple[int, ...], ...]) -> _Place:
         """Return room for arrays of ``shapes``."""
-        ends = np.cumsum([prod(shape) for shape in shapes]).tolist()
-        return cls(shapes, tuple(ends))
+        parts, end = [], 0
+        for shape in shapes:
+            begin, end = end, end + prod(shape)
+            parts.append((begin, end, shape if len(shape) > 1 else None))
+        return cls(tuple(parts), end)
 
     def arrays(self, values: FloatArray) -> list[FloatArray]:
         """Return the parts of ``values``, read-only."""
         values.setflags(write=False)
-        result, start = [], 0
-        for shape, end in zip(self.shapes, self.ends, strict=True):
-            result.append(values[start:end].reshape(shape))
-            start = end
-        return result
+        return [
+            values[begin:end].reshape(shape) if shape else values[begin:end]
+            for begin, end, shape in self.parts
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,13 +177,12 @@ class Shortcut:
         self._ready = None
         if ready is None or kernels is None or failures != ready.failures:
             return None
-        place = ready.constants.place
-        out = np.empty(place.ends[-1])
+        out = np.empty(ready.constants.place.size)
         steps, driven = kernels.command(*ready.arguments, values, velocity, out)
         if not steps:
             return None
         self._taken = _Taken(ready, values, velocity, steps, driven, out)
-        count = place.ends[0]
+        count = len(values)
         return out[:count], out[count : count + 6]
 
     def followed(self) -> Followed | None:
@@ -208,6 +209,9 @@ class Shortcut:
             (jacobian, mapping, twist_jacobian, rate_map, first, transmissions, second),
         )
         post = PostFailure(rows, ready.failures, kinematics)
+        if not ready.failures:
+            # Otherwise the shortcut would not have been taken.
+            post.__dict__['verdict'] = sound_verdict(kinematics)
         fit = Fit((taken.values.tobytes(), ready.failures.lost), configuration, rows)
         assessment = Assessment(configuration, post, self._settings.tolerance_threshold)
         transmission = float(transmissions[-1]) / ready.constants.unit

@@ -125,7 +125,7 @@ def verdict(
     """Return the verdict on ``present`` kinematics that were ``nominal`` before ``failures``."""
     task = rows.mechanism.task
     if not failures and present is nominal and _is_sound(rows, present):
-        return Verdict(True, True, present.mobility, (), (), (), failures_in_words(failures))
+        return sound_verdict(present)
     names = _twist_names(rows)
     order = [*task.by_priority, *(name for name in names if name not in task.coordinates)]
     places = [names.index(name) for name in order]
@@ -154,6 +154,11 @@ def verdict(
     return Verdict(
         present.stable, tolerable, present.mobility, lost, gained, drifting, reason
     )
+
+
+def sound_verdict(nominal: DifferentialKinematics) -> Verdict:
+    """Return the verdict on kinematics that no failure has befallen, and that lack nothing."""
+    return Verdict(True, True, nominal.mobility, (), (), (), failures_in_words(FailureSet()))
 
 
 def _is_sound(rows: StrutRows, kinematics: DifferentialKinematics) -> bool:
