@@ -139,7 +139,7 @@ class PostFailureTable:
         for _ in range(len(self._sets)):
             place, self._next = self._next, (self._next + 1) % len(self._sets)
             entry = self._entries.get(self._sets[place])
-            if entry is None or self._moved(entry, values) > RENEWAL * REACH:
+            if entry is None or self.moved(entry.values, values) > RENEWAL * REACH:
                 self._entries[self._sets[place]] = self._entry(values, self._sets[place])
                 return True
         return False
@@ -162,9 +162,9 @@ class PostFailureTable:
         assessment = prospect.assessment
         exact = entry.values.tobytes() == values.tobytes()
         if exact or (
-            self._moved(entry, values) <= REACH
+            self.moved(entry.values, values) <= REACH
             and assessment.post.nominal.mobility == nominal
-            and _is_safe(assessment)
+            and is_safe(assessment)
         ):
             return Found(prospect, assessment, entry.inverse, entry.readied, exact)
         return None
@@ -183,9 +183,15 @@ class PostFailureTable:
             return Entry(values, None, None)
         return Entry(values, prospect, inverse, readied)
 
-    def _moved(self, entry: Entry, values: FloatArray) -> float:
-        """Return how far any actuator has moved since, in characteristic lengths or radians."""
-        away = np.abs(values - entry.values) / self._units
+    def moved(self, before: FloatArray, values: FloatArray) -> float:
+        """Return how far any actuator has moved, in characteristic lengths or radians.
+
+        Parameters
+        ----------
+        before, values : (N,) array
+            Joint values.
+        """
+        away = np.abs(values - before) / self._units
         # Only actuators of lost struts may be without a value, and those hold nothing.
         return float(np.fmax(away, 0.0).max())
 
@@ -208,7 +214,7 @@ def further_sets(mechanism: Mechanism, failures: FailureSet) -> Iterator[Failure
             yield further
 
 
-def _is_safe(assessment: Assessment) -> bool:
+def is_safe(assessment: Assessment) -> bool:
     """Return whether a little motion cannot change the verdict."""
     measures = assessment.measures
     return not assessment.intolerance and assessment.threshold + SAFE_MEASURE <= min(

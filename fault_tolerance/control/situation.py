@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from fault_tolerance.control.anticipation import Found, PostFailureTable
+from fault_tolerance.control.anticipation import REACH, Found, PostFailureTable, is_safe
 from fault_tolerance.control.assessment import Assessment, Assessor, without_lost
 from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.onset import FirstCommand, Onset
@@ -70,10 +70,20 @@ class Situation:
             self.judged = found
 
     def judge(self) -> bool:
-        """Work out the verdict if it has been waiting; return whether it had."""
-        if self.assessment is self.judged:
+        """Work out the verdict if it has been waiting; return whether it had.
+
+        Within `REACH` of a configuration where nothing about it was close, it stands.
+        """
+        now, judged = self.assessment, self.judged
+        if now is judged:
             return False
-        self.judged = self.assessment
+        if now is not None and judged is not None and self._may_be_judged_later(now):
+            away = self._table.moved(
+                judged.configuration.actuator_values, now.configuration.actuator_values
+            )
+            if away <= REACH and is_safe(judged):
+                return False
+        self.judged = now
         return True
 
     def shortcut(
@@ -192,10 +202,9 @@ class Situation:
         return self._table.found(values, failures, last.post.nominal.mobility)
 
     def _is_settled(self) -> bool:
-        """Return whether the newest assessment is judged, and there is nothing against it."""
+        """Return whether there is nothing against going on from the newest assessment."""
         return (
             self.assessment is not None
-            and self.assessment is self.judged
             and not (self.outdated or self.obstacle or self.intolerance)
             and self._law.at_ease
         )
