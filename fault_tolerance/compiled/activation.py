@@ -23,6 +23,7 @@ class Kernels:
     follow: Callable[..., Any]
     reconfigure: Callable[..., Any]
     invert_task: Callable[..., Any]
+    hard_of_few: Callable[..., Any]
     position_of_few: Callable[..., Any]
     torque_of_few: Callable[..., Any]
     within: Callable[..., bool]
@@ -60,14 +61,19 @@ def activate(announce: Callable[[str], object] | None = None) -> str:
         from fault_tolerance.compiled.beginning import begin
         from fault_tolerance.compiled.commanding import command
         from fault_tolerance.compiled.following import follow
-        from fault_tolerance.compiled.measuring import position_of_few, torque_of_few
+        from fault_tolerance.compiled.measuring import (
+            hard_of_few,
+            position_of_few,
+            torque_of_few,
+        )
         from fault_tolerance.compiled.resolving import invert_task, reconfigure, within
     except ImportError as error:
         return f'numba is not there ({error}): commands take longer'
     except Exception as error:  # a numba too old or too new for numpy fails in many ways
         return f'numba does not work here ({type(error).__name__}: {error}): commands take longer'
     Active.kernels = Kernels(
-        begin, command, follow, reconfigure, invert_task, position_of_few, torque_of_few, within
+        begin, command, follow, reconfigure, invert_task, hard_of_few, position_of_few,
+        torque_of_few, within,
     )
     return ''
 

@@ -365,7 +365,7 @@ def _closing(left: FloatArray, sigma: FloatArray, right: FloatArray, kept: int) 
 
 
 @compiled
-def _free(
+def free_motions(
     right: FloatArray, drives: FloatArray, held: IntArray, kept: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the twists (6, b) that the structure allows, and the drives' rates (h, b)."""
@@ -497,7 +497,7 @@ def follow(
         structure = rows
         outside, along = _open(openings, attached, rows, owners, left, kept)
         closing = _closing(left, sigma, right, kept)
-        twists, free = _free(right, drives, held, kept)
+        twists, free = free_motions(right, drives, held, kept)
         turned, gains, mixed = decomposition(free)
         fit = _fit(twists, turned, gains, mixed)
         if not sound:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,10 +15,11 @@ import numpy as np
 from fault_tolerance.control.judgement import PostFailureModel, intolerance
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.many_measures import hard_measures, single_measures
 from fault_tolerance.kinematics.measures import (
     NextFailure,
     PresentMeasures,
-    next_failure,
+    next_failure_from,
     present_measures,
 )
 from fault_tolerance.kinematics.reconfiguration import PostFailure
@@ -56,9 +59,26 @@ class Assessment:
         return present_measures(self.post)
 
     @cached_property
+    def singles(self) -> tuple[FloatArray, FloatArray]:
+        """P and t of each further failure, (N,) each."""
+        return single_measures(self.post.present)
+
+    @cached_property
+    def hard(self) -> FloatArray:
+        """H of each further strut lost, (s,)."""
+        return hard_measures(self.post.rows, self.post.failures, self.post.present)
+
+    @cached_property
     def following(self) -> NextFailure:
         """What each further failure would cost; slow, so not for the path of a command."""
-        return next_failure(self.post)
+        return next_failure_from(self.post, self.singles, self.hard)
+
+    def work_out(self) -> Iterator[None]:
+        """Work out the measures piece by piece; what fails will fail again when asked for."""
+        for name in ('measures', 'singles', 'hard'):
+            with suppress(Exception):
+                getattr(self, name)
+            yield
 
     @cached_property
     def intolerance(self) -> str:

@@ -10,7 +10,7 @@ very next step, wherever that is called from.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf
 
 import numpy as np
@@ -214,6 +214,13 @@ class Supervisor:
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
         return metrics_of(self.mechanism, self._output, self._situation.assessment)
+
+    def metrics_by_pieces(self) -> Iterator[Metrics | None]:
+        """Yield what `metrics` would return now, after as many times None as it takes."""
+        output, assessment = self._output, self._situation.assessment
+        if assessment is not None:
+            yield from assessment.work_out()
+        yield metrics_of(self.mechanism, output, assessment)
 
     def anticipate(self) -> bool:
         """Work out what one further failure would come to; return whether there was any to do.

@@ -19,9 +19,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fault_tolerance.compiled.activation import Active
 from fault_tolerance.kinematics.differential import (
     DifferentialKinematics,
     differential_kinematics,
+    failed_parts,
 )
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.few_measures import position_of_few, torque_of_few
@@ -29,6 +31,7 @@ from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import manipulability, null_space, range_basis
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.attachment import attachment_of
+from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.linear_algebra import singular_values
 from fault_tolerance.tolerances import RANK_TOLERANCE
 
@@ -207,7 +210,20 @@ def hard_measures(
     present : DifferentialKinematics
         With them.
     """
-    mechanism = rows.mechanism
+    mechanism, kernels = rows.mechanism, Active.kernels
+    if (
+        kernels is not None
+        and rows.actuator_rows is not None
+        and mechanism.rates_alike
+        and len(mechanism.actuators) <= _FEW
+    ):
+        part = failed_parts(mechanism, failures)
+        return kernels.hard_of_few(  # type: ignore[no-any-return]
+            rows.structure, rows.structure_strut, rows.actuator_rows,
+            chains_of(mechanism).places[0], part.attachment.attached, part.stuck, part.driving,
+            float(rows.rate_scale[0]), rows.twist_scale, rows.task_rows, rows.compliance,
+            present.jacobian,
+        )
     result = np.full(len(mechanism.struts), np.nan)
     attached = np.flatnonzero(attachment_of(mechanism, failures.lost).attached)
     basis = range_basis(present.jacobian)

@@ -160,10 +160,20 @@ def present_measures(state: PostFailure) -> PresentMeasures:
 
 def next_failure(state: PostFailure) -> NextFailure:
     """Return the measure of every single further failure, the present taken as nominal."""
+    return next_failure_from(
+        state,
+        single_measures(state.present),
+        hard_measures(state.rows, state.failures, state.present),
+    )
+
+
+def next_failure_from(
+    state: PostFailure, singles: tuple[FloatArray, FloatArray], hard: FloatArray
+) -> NextFailure:
+    """Return the same from p and t of every actuator, (N,) each, and h of every strut, (s,)."""
     mechanism, present = state.rows.mechanism, state.present
     count = len(mechanism.actuators)
-    position, torque = single_measures(present)
-    hard = hard_measures(state.rows, state.failures, present)
+    position, torque = singles
     names = mechanism.actuator_names, mechanism.strut_names
     worst, measure = _worst(*names, position, torque, hard)
     left, mobility = int(present.active.sum()), present.mobility

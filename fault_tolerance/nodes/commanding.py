@@ -5,7 +5,10 @@
 
 from __future__ import annotations
 
+from struct import Struct
+
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -14,9 +17,11 @@ from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.nodes.messages import array_to_msg, fill_twist
+from fault_tolerance.nodes.messages import array_to_msg, twist_to_msg
+from fault_tolerance.nodes.timeline import TimeLine
 
 _FAREWELL_PATIENCE = 0.5
+_STAMP = Struct('<iI')
 
 
 class SerialisedArray:
@@ -40,6 +45,29 @@ class SerialisedArray:
         return self._before + values.tobytes()
 
 
+class SerialisedTwist:
+    """Makes stamped twists in one frame, serialised where that can be done by hand."""
+
+    def __init__(self, frame: str) -> None:
+        self._frame = frame
+        probe, stamp = np.pi * np.arange(1.0, 7.0), Time(sec=123_456_789, nanosec=987_654_321)
+        raw = serialize_message(twist_to_msg(stamp, frame, probe))
+        self._begin, self._middle = raw[:4], raw[4 + _STAMP.size : len(raw) - probe.nbytes]
+        self._known = self._serialised(stamp.sec, stamp.nanosec, probe) == raw
+
+    def message(self, nanoseconds: int, twist: FloatArray) -> bytes | TwistStamped:
+        """Return the message for a twist ``[w; v]`` (6,), as `Publisher.publish` takes it."""
+        sec, nanosec = divmod(nanoseconds, 1_000_000_000)
+        if self._known:
+            return self._serialised(sec, nanosec, twist)
+        return twist_to_msg(Time(sec=sec, nanosec=nanosec), self._frame, twist)
+
+    def _serialised(self, sec: int, nanosec: int, twist: FloatArray) -> bytes:
+        # Messages have v before w.
+        numbers = twist[3:].tobytes() + twist[:3].tobytes()
+        return self._begin + _STAMP.pack(sec, nanosec) + self._middle + numbers
+
+
 class CommandPublisher:
     """Publishes the rates of all actuators, and what they will do to the platform.
 
@@ -48,10 +76,13 @@ class CommandPublisher:
     node : Node
     mechanism : Mechanism
     base_frame : str
+    line : TimeLine
     """
 
-    def __init__(self, node: Node, mechanism: Mechanism, base_frame: str) -> None:
-        self._clock = node.get_clock()
+    def __init__(
+        self, node: Node, mechanism: Mechanism, base_frame: str, line: TimeLine
+    ) -> None:
+        self._line = line
         count = len(mechanism.actuators)
         self._array = SerialisedArray(count)
         self._rates = np.zeros(count)
@@ -61,8 +92,7 @@ class CommandPublisher:
             Float64MultiArray, 'velocity_controller/commands', 10
         )
         self._achieved = node.create_publisher(TwistStamped, '~/achieved_velocity', 10)
-        self._twist = TwistStamped()
-        self._twist.header.frame_id = base_frame
+        self._twist = SerialisedTwist(base_frame)
         self._heard = False
 
     def look_for_listeners(self) -> None:
@@ -75,9 +105,7 @@ class CommandPublisher:
         self._rates = rates if self._plain else self._signs * rates + 0.0
         self._commands.publish(self._array.message(self._rates))
         if self._heard:
-            self._twist.header.stamp = self._clock.now().to_msg()
-            fill_twist(self._twist.twist, achieved)
-            self._achieved.publish(self._twist)
+            self._achieved.publish(self._twist.message(self._line.wall(), achieved))
 
     @property
     def moving(self) -> bool:

@@ -86,7 +86,9 @@ class Controller(Node):
         self._health = Health(self, self._line, 'controller', identity, self._present)
         self._inputs = InputReader(mechanism, values['base_frame'], self._line, self._health)
         self._reader = ReportReader(mechanism, prefix, self._line, self._health)
-        self._commands = CommandPublisher(self, mechanism, values['base_frame'])
+        self._commands = CommandPublisher(
+            self, mechanism, values['base_frame'], self._line
+        )
         metrics = MetricsPublisher(self, mechanism, prefix)
         self._teller = Teller(self, self._supervisor, metrics)
         self._anticipating = Job(self._supervisor.anticipate)

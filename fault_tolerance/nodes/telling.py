@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from time import monotonic
 
 from rclpy.node import Node
@@ -52,6 +53,7 @@ class Teller:
         self._supervisor = supervisor
         self._metrics = metrics
         self._told: tuple[object, ...] = ()
+        self._pieces: Iterator[Metrics | None] | None = None
         self._worked_out: Metrics | None = None
         self._discovered = monotonic() + DISCOVERY
 
@@ -68,9 +70,11 @@ class Teller:
             self.changes.due = True
 
     def no_longer_wait(self) -> None:
-        """Tell what is due: there has been no idle time for so long."""
+        """Tell what is due, or do a piece of it: there has been no idle time for so long."""
         if self.changes.due:
             self.changes.do()
+        elif self.measures.due:
+            self.measures.do()
 
     def next_metrics(self) -> None:
         """Have the metrics published; those of the last time now, if they are still due."""
@@ -87,20 +91,21 @@ class Teller:
             self._told = (output.state, output.failures)
             self._node.get_logger().info(f'{output.state.value}: {output.reason}')
             self._metrics.look_for_listeners()
-            self._worked_out = None
-            while self._measure():
-                pass
+            self._pieces = self._worked_out = None
+            self.measures.due = True
         return False
 
     def _measure(self) -> bool:
         if not self._metrics.heard:
             return False
+        if self._pieces is None:
+            self._pieces = self._supervisor.metrics_by_pieces()
         if self._worked_out is None:
-            self._worked_out = self._supervisor.metrics()
+            self._worked_out = next(self._pieces)
             return True
         residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
         further = {'residual': residual, 'report_stamp': self.report_stamp}
         stamp = self._node.get_clock().now().to_msg()
         self._metrics.publish(stamp, self._worked_out, further)
-        self._worked_out = None
+        self._pieces = self._worked_out = None
         return False

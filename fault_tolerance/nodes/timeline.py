@@ -63,7 +63,7 @@ class TimeLine:
         """Return the present as stamps have it."""
         return self._clock.now().to_msg()
 
-    def _wall(self) -> int:
+    def wall(self) -> int:
         """Return the present as stamps have it, nanoseconds."""
         # To ask the clock takes long; unless time is simulated it shows the system's.
         return int(self._clock.now().nanoseconds) if self._simulated else time.time_ns()
@@ -76,7 +76,7 @@ class TimeLine:
         nanoseconds = nanoseconds_from_msg(stamp)
         if nanoseconds == 0:
             return None
-        offset = self._wall() - time.monotonic_ns()
+        offset = self.wall() - time.monotonic_ns()
         if abs(offset - self._offset) > _JITTER:
             self._offset = offset
         return (nanoseconds - self._offset) * 1e-9

@@ -5,14 +5,15 @@
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.nodes import commanding
-from fault_tolerance.nodes.commanding import SerialisedArray
-from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, statuses_from_msg
+from fault_tolerance.nodes.commanding import SerialisedArray, SerialisedTwist
+from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, statuses_from_msg, twist_from_msg
 from fault_tolerance.nodes.serialised_diagnostics import statuses_in
 
 TEXT = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=9)
@@ -78,8 +79,22 @@ def test_arrays_are_written_as_the_middleware_writes_them(count):
     assert deserialize_message(made, Float64MultiArray).layout.dim == []
 
 
+@pytest.mark.parametrize('frame', ['', 'b', 'base', 'a/rather/long_frame', 'räume'])
+def test_twists_are_written_as_the_middleware_writes_them(frame):
+    twist = np.random.default_rng(1).normal(size=6)
+    made = SerialisedTwist(frame).message(1_234_567_890_123_456_789, twist)
+    assert isinstance(made, bytes)
+    found = deserialize_message(made, TwistStamped)
+    assert twist_from_msg(found).tolist() == twist.tolist()
+    assert (found.header.stamp.sec, found.header.stamp.nanosec) == (1_234_567_890, 123_456_789)
+    assert found.header.frame_id == frame
+
+
 def test_where_the_middleware_writes_otherwise_it_does_so(monkeypatch):
     monkeypatch.setattr(commanding, 'serialize_message', lambda _: b'\0\1 something else')
     made = SerialisedArray(2).message(np.array([1.0, -2.0]))
     assert isinstance(made, Float64MultiArray)
     assert made.data.tolist() == [1.0, -2.0]
+    twist = SerialisedTwist('base').message(5, np.arange(6.0))
+    assert isinstance(twist, TwistStamped)
+    assert twist.twist.angular.y == 1.0
