@@ -72,8 +72,10 @@ def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[
         nonlocal place
         place = (place + 1) % len(readings)
         values = readings[place]
-        if situation.shortcut(values, velocity, none) is not None:
-            limited = situation.catch_up().limited
+        taken = situation.shortcut(values, velocity, none)
+        if taken is not None:
+            # All there is to know, though a command needs only the rates.
+            limited = taken.followed.limited
         else:
             situation.assess(values, none)
             kinematics = situation.assessment.post.present

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
-The tests of running nodes measure time, so nothing runs beside them. They run twice: with and
-without the fields of messages checked. Before that the others run, in two processes at once.
+The tests of running nodes measure time, so nothing runs beside them. They run twice: with the
+fields of messages checked and commands by numpy, and as users run the nodes. Before that the
+others run, some processes at once.
 Every part must pass, and none may be empty.
 """
 
@@ -23,15 +24,23 @@ NODES = ('ros', 'launch')
 """Folders whose tests measure how running nodes behave in time; all others are found."""
 
 BESIDE = ('core',)
-"""Folders of the others that need no nodes either: they give way to the rest of them."""
+"""Folders of the others that need no nodes either: they give way to the rest of them. Each is
+taken in two parts, which run side by side."""
 
 
-def folders() -> tuple[list[str], list[str], list[str]]:
-    """Return the folders of nodes, those in the background, and all others."""
+def folders() -> tuple[list[str], list[list[str]], list[str]]:
+    """Return the folders of nodes, what is run in the background (parts), and all others."""
     found = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
-    kinds = [name for name in NODES if name in found], [name for name in BESIDE if name in found]
-    rest = [name for name in found if name not in (*NODES, *BESIDE)]
-    return tuple([f'{HERE.name}/{name}' for name in kind] for kind in (*kinds, rest))
+    nodes = [f'{HERE.name}/{name}' for name in NODES if name in found]
+    rest = [f'{HERE.name}/{name}' for name in found if name not in (*NODES, *BESIDE)]
+    inside = sorted(
+        f'{HERE.name}/{path.relative_to(HERE)}'
+        for name in BESIDE
+        for path in (HERE / name).iterdir()
+        if path.name.startswith('test_') or (path.is_dir() and any(path.rglob('test_*.py')))
+    )
+    # Every other one: what takes long is spread over both.
+    return nodes, [part for part in (inside[::2], inside[1::2]) if part], rest
 
 
 def give_way() -> None:
@@ -97,16 +106,21 @@ def main(arguments: list[str]) -> int:
     nodes, background, others = folders()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        beside = Part(folder / 'beside.xml', [*background, *arguments], folder / 'log',
-                      OPENBLAS_NUM_THREADS='1')
+        beside = [
+            Part(folder / f'beside_{number}.xml', [*part, *arguments], folder / f'log_{number}',
+                 OPENBLAS_NUM_THREADS='1', FAULT_TOLERANCE_PARTS='1')
+            for number, part in enumerate(background)
+        ]
         try:
             count = Part(folder / 'others.xml', [*others, *arguments]).ended()
-            count += beside.ended()
+            for part in beside:
+                count += part.ended()
         finally:
-            beside.end()
+            for part in beside:
+                part.end()
         first = [name for name in nodes if name.endswith('/ros')]
         count += Part(folder / 'checked.xml', [*first, *arguments],
-                      ROS_PYTHON_CHECK_FIELDS='1').ended()
+                      ROS_PYTHON_CHECK_FIELDS='1', FAULT_TOLERANCE_COMPILED='0').ended()
         count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
     told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')
                      if (number := count[name]))

@@ -92,7 +92,7 @@ def command(
     velocity : (l,) array
         What is asked for.
     out : array
-        As large as `fault_tolerance.mechanism.found` says.
+        As large as `fault_tolerance.control.shortcut` makes it.
 
     Returns
     -------

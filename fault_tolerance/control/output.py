@@ -5,13 +5,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from fault_tolerance.control.assessment import Assessment
 from fault_tolerance.control.ledger import LedgerClear
 from fault_tolerance.control.limits import LimitedRate
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.recovery import Decision, State
+from fault_tolerance.control.shortcut import Taken
 from fault_tolerance.control.transition import Jump
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure
@@ -31,9 +34,11 @@ class Command(NamedTuple):
     decision : Decision
     time : float
     limited : LimitedRate or None
-        What the rates are of; None where everything rests.
+        What the rates are of; None where everything rests, or by the shortcut.
     sound : bool
         False after an internal error.
+    taken : Taken or None
+        What the rates are of by the shortcut.
     """
 
     rates: FloatArray
@@ -42,6 +47,12 @@ class Command(NamedTuple):
     time: float
     limited: LimitedRate | None
     sound: bool = True
+    taken: Taken | None = None
+
+    @property
+    def driven(self) -> bool:
+        """Whether anything is asked of the drives."""
+        return self.limited is not None or self.taken is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +68,9 @@ class Output:
         Why it is in this state, a sentence.
     failures : FailureSet
         Latched, whatever the state.
-    post : PostFailure or None
-        Kinematics and verdict at the last usable joint values; None before there were any.
-    configuration : Configuration or None
-        The same for the configuration.
+    assessed : callable
+        Returns the assessment of the last usable joint values; None before there were any. It
+        may be worked out only then.
     achieved : (6,) array
         The platform twist the rates give, base axes, v of the platform's origin.
     residual : (l,) array
@@ -90,8 +100,7 @@ class Output:
     state: State
     reason: str
     failures: FailureSet
-    post: PostFailure | None
-    configuration: Configuration | None
+    assessed: Callable[[], Assessment | None]
     achieved: FloatArray
     residual: FloatArray
     scale: float
@@ -103,6 +112,18 @@ class Output:
     notices: tuple[Notice, ...]
     input_lost: bool
     recovery_time: float
+
+    @property
+    def post(self) -> PostFailure | None:
+        """Kinematics and verdict at the last usable joint values; None before there were any."""
+        assessment = self.assessed()
+        return assessment.post if assessment else None
+
+    @property
+    def configuration(self) -> Configuration | None:
+        """The last configuration whose loops closed."""
+        assessment = self.assessed()
+        return assessment.configuration if assessment else None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ of things differs from the long way (`fault_tolerance.control.situation.Situatio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
 
@@ -35,6 +36,11 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.following import closed_from, constant_part, way_on
 from fault_tolerance.mechanism.steps import Closed, Steps
 from fault_tolerance.mechanism.tracking import FARTHEST, LAST_STEP
+
+# Places in `_Place`: the actuators' values, and what the next configuration starts from (pose,
+# joint values, openings, joints, structural rows, closing, drive rows, fit).
+_REACHED = 15
+_WAY_ON = (13, 14, 16, 17, 18, 28, 19, 29)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,11 @@ class Followed:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """The arrays that one configuration gives, as parts of a single one."""
+    """The arrays that one configuration gives, as parts of a single one, in this order.
+
+    Rates, twist, both parts of the reduced rates, both parts of the inverse, the kinematics (7),
+    then what `fault_tolerance.compiled.following.follow` returns, and three numbers.
+    """
 
     parts: tuple[tuple[int, int, tuple[int, ...] | None], ...]
     size: int
@@ -80,12 +90,13 @@ class _Place:
         return cls(tuple(parts), end)
 
     def arrays(self, values: FloatArray) -> list[FloatArray]:
-        """Return the parts of ``values``, read-only."""
-        values.setflags(write=False)
-        return [
-            values[begin:end].reshape(shape) if shape else values[begin:end]
-            for begin, end, shape in self.parts
-        ]
+        """Return the parts of ``values``."""
+        return [self.one(values, number) for number in range(len(self.parts))]
+
+    def one(self, values: FloatArray, number: int) -> FloatArray:
+        """Return one part of ``values``."""
+        begin, end, shape = self.parts[number]
+        return values[begin:end].reshape(shape) if shape else values[begin:end]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,28 +106,128 @@ class _Constants:
     key: tuple[Any, ...]
     arguments: tuple[Any, ...]
     place: _Place
+    mechanism: Mechanism
+    failures: FailureSet
+    base: Closed
+    threshold: float
     unit: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Ready:
-    """Everything but the inputs of the next command, and where it starts."""
+class _Ready(NamedTuple):
+    """Everything but the inputs of the next command."""
 
-    failures: FailureSet
-    arguments: tuple[Any, ...]
     constants: _Constants
-    closed: Closed
+    arguments: tuple[Any, ...]
 
 
-class _Taken(NamedTuple):
-    """A command that has been computed, and what with."""
+class Taken:
+    """A command by the shortcut, and what else there is to know when it is asked for.
 
-    ready: _Ready
-    values: FloatArray
-    velocity: FloatArray
-    steps: int
-    driven: int
-    out: FloatArray
+    Parameters
+    ----------
+    constants : _Constants
+    values : (N,) array
+        The joint values it was made for.
+    velocity : (l,) array
+        What was asked for.
+    steps, driven : int
+        See `fault_tolerance.compiled.commanding.command`.
+    out : array
+        What that has written.
+
+    Attributes
+    ----------
+    rates : (N,) array
+    twist : (6,) array
+    """
+
+    def __init__(
+        self,
+        constants: _Constants,
+        values: FloatArray,
+        velocity: FloatArray,
+        steps: int,
+        driven: int,
+        out: FloatArray,
+    ) -> None:
+        self._constants = constants
+        self._values = values
+        self._velocity = velocity
+        self._steps = steps
+        self._driven = driven
+        self._out = out
+        count = len(values)
+        self.rates: FloatArray = out[:count]
+        self.twist: FloatArray = out[count : count + 6]
+
+    @property
+    def failures(self) -> FailureSet:
+        """The failures present."""
+        return self._constants.failures
+
+    @property
+    def actuator_values(self) -> FloatArray:
+        """Joint values of the actuators that close the loops, (N,)."""
+        return self._constants.place.one(self._out, _REACHED)
+
+    @property
+    def residual(self) -> FloatArray:
+        """What was asked for less what is achieved, (l,)."""
+        residual = self._velocity - self.twist.take(self._constants.mechanism.task.rows)
+        residual.setflags(write=False)
+        return residual
+
+    @property
+    def way_on(self) -> _Ready:
+        """What the next command needs."""
+        constants = self._constants
+        place, out = constants.place, self._out
+        further = [place.one(out, number) for number in _WAY_ON]
+        return _Ready(constants, (*constants.arguments, *further))
+
+    def assessed(self) -> Assessment:
+        """Return what the long way would have found."""
+        assessment = self.followed.prospect.assessment
+        assert assessment is not None
+        return assessment
+
+    @cached_property
+    def followed(self) -> Followed:
+        """All that was found on the way."""
+        constants, values = self._constants, self._values
+        mechanism, failures = constants.mechanism, constants.failures
+        (
+            rates, twist, major_part, secondary_part, major, secondary, jacobian, mapping,
+            twist_jacobian, rate_map, first, transmissions, second, *found, last,
+        ) = constants.place.arrays(self._out)
+        outside, along, looseness = last.tolist()
+        before = constants.base
+        closed = closed_from(
+            before.state, before.attachment, before.kept, self._steps, found, (outside, along)
+        )
+        configuration = configuration_from(mechanism, closed, values)
+        rows = strut_rows(configuration)
+        kinematics = kinematics_from(
+            rows,
+            failed_parts(mechanism, failures),
+            closed.kept,
+            (jacobian, mapping, twist_jacobian, rate_map, first, transmissions, second),
+        )
+        post = PostFailure(rows, failures, kinematics)
+        if not failures:
+            # Otherwise the shortcut would not have been taken.
+            post.__dict__['verdict'] = sound_verdict(kinematics)
+        fit = Fit((values.tobytes(), failures.lost), configuration, rows)
+        assessment = Assessment(configuration, post, constants.threshold)
+        transmission = float(transmissions[-1]) / constants.unit
+        inverse = TaskInverse(kinematics, major, secondary, self._driven, transmission)
+        resolved = ResolvedRate(
+            kinematics, self._velocity, major_part, secondary_part, self._driven, transmission
+        )
+        resolved.__dict__.update(rates=rates, twist=twist)
+        return Followed(
+            Prospect(fit, assessment), inverse, LimitedRate(resolved, 1.0, 1.0, ()), looseness
+        )
 
 
 class Shortcut:
@@ -140,7 +251,6 @@ class Shortcut:
         self._yielding = yielding
         self._constants: _Constants | None = None
         self._ready: _Ready | None = None
-        self._taken: _Taken | None = None
 
     def prepare(self, assessment: Assessment) -> None:
         """Make ready for the next command, after one at ``assessment`` that moved."""
@@ -158,8 +268,11 @@ class Shortcut:
         if steps is None:
             return
         constants = self._constants_at(post, closed, steps)
-        arguments = (*constants.arguments, *way_on(closed.state, steps))
-        self._ready = _Ready(post.failures, arguments, constants, closed)
+        self._ready = _Ready(constants, (*constants.arguments, *way_on(closed.state, steps)))
+
+    def go_on(self, taken: Taken) -> None:
+        """Make ready for the next command, after one by the shortcut."""
+        self._ready = taken.way_on
 
     def forget(self) -> None:
         """Take the long way next: something is out of the ordinary."""
@@ -167,62 +280,21 @@ class Shortcut:
 
     def command(
         self, values: FloatArray, velocity: FloatArray, failures: FailureSet
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """Return rates (N,) and twist (6,) for joint values (N,) and a task velocity (l,).
+    ) -> Taken | None:
+        """Return the command for joint values (N,) and a task velocity (l,).
 
-        None where the long way is to be taken. The next call is to be preceded by `followed`,
-        if not None.
+        None where the long way is to be taken.
         """
         ready, kernels = self._ready, Active.kernels
         self._ready = None
-        if ready is None or kernels is None or failures != ready.failures:
+        if ready is None or kernels is None or failures != ready.constants.failures:
             return None
         out = np.empty(ready.constants.place.size)
         steps, driven = kernels.command(*ready.arguments, values, velocity, out)
         if not steps:
             return None
-        self._taken = _Taken(ready, values, velocity, steps, driven, out)
-        count = len(values)
-        return out[:count], out[count : count + 6]
-
-    def followed(self) -> Followed | None:
-        """Return what came of the last command, once; None if it was not by the shortcut."""
-        taken, self._taken = self._taken, None
-        if taken is None:
-            return None
-        ready = taken.ready
-        (
-            rates, twist, major_part, secondary_part, major, secondary, jacobian, mapping,
-            twist_jacobian, rate_map, first, transmissions, second, *found, last,
-        ) = ready.constants.place.arrays(taken.out)
-        outside, along, looseness = last.tolist()
-        before = ready.closed
-        closed = closed_from(
-            before.state, before.attachment, before.kept, taken.steps, found, (outside, along)
-        )
-        configuration = configuration_from(self._mechanism, closed, taken.values)
-        rows = strut_rows(configuration)
-        kinematics = kinematics_from(
-            rows,
-            failed_parts(self._mechanism, ready.failures),
-            closed.kept,
-            (jacobian, mapping, twist_jacobian, rate_map, first, transmissions, second),
-        )
-        post = PostFailure(rows, ready.failures, kinematics)
-        if not ready.failures:
-            # Otherwise the shortcut would not have been taken.
-            post.__dict__['verdict'] = sound_verdict(kinematics)
-        fit = Fit((taken.values.tobytes(), ready.failures.lost), configuration, rows)
-        assessment = Assessment(configuration, post, self._settings.tolerance_threshold)
-        transmission = float(transmissions[-1]) / ready.constants.unit
-        inverse = TaskInverse(kinematics, major, secondary, taken.driven, transmission)
-        resolved = ResolvedRate(
-            kinematics, taken.velocity, major_part, secondary_part, taken.driven, transmission
-        )
-        resolved.__dict__.update(rates=rates, twist=twist)
-        return Followed(
-            Prospect(fit, assessment), inverse, LimitedRate(resolved, 1.0, 1.0, ()), looseness
-        )
+        out.setflags(write=False)
+        return Taken(ready.constants, values, velocity, steps, driven, out)
 
     def _constants_at(self, post: PostFailure, closed: Closed, steps: Steps) -> _Constants:
         """Return the constant arguments and the room for the results."""
@@ -265,5 +337,8 @@ class Shortcut:
             (6, width), (drives, width), (drives, gains), (gains,), (width, width),
             (6, gaps), (6, drives), (3,),
         ))
-        self._constants = _Constants(key, arguments, place, float(rows.rate_scale[0]))
+        self._constants = _Constants(
+            key, arguments, place, mechanism, post.failures, closed,
+            settings.tolerance_threshold, float(rows.rate_scale[0]),
+        )
         return self._constants

@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from fault_tolerance.control.anticipation import REACH, Found, PostFailureTable, is_safe
 from fault_tolerance.control.assessment import Assessment, Assessor, without_lost
 from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.onset import FirstCommand, Onset
 from fault_tolerance.control.plausibility import MisfitWatch
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.control.shortcut import Followed, Shortcut
+from fault_tolerance.control.shortcut import Followed, Shortcut, Taken
 from fault_tolerance.control.transition import Sent
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -32,8 +34,6 @@ class Situation:
 
     Attributes
     ----------
-    assessment : Assessment or None
-        The newest one; None before there was any.
     judged : Assessment or None
         The newest one whose verdict is known.
     assessed_by : str
@@ -55,14 +55,28 @@ class Situation:
         self._misfit = MisfitWatch(settings.misfit_limit)
         self._shortcut = Shortcut(mechanism, settings, law, self._assessor.yielding)
         self._contradiction = ''
-        self.assessment: Assessment | None = None
+        self._assessment: Assessment | None = None
+        self._taken: Taken | None = None
         self.judged: Assessment | None = None
         self.assessed_by = ''
         self.outdated = False
 
+    @property
+    def assessment(self) -> Assessment | None:
+        """The newest one; None before there was any."""
+        taken, self._taken = self._taken, None
+        if taken is not None:
+            self._adopt(taken.followed)
+        return self._assessment
+
+    def supplier(self) -> Callable[[], Assessment | None]:
+        """Return what returns the newest one as it is now."""
+        assessment = self.assessment
+        return lambda: assessment
+
     def assess(self, values: FloatArray, failures: FailureSet) -> None:
         """Find out where the mechanism is at the joint values (N,), and what that comes to."""
-        self.assessment = found = self._assessed(values, failures)
+        self._assessment = found = self._assessed(values, failures)
         self._contradiction = ''
         if found is not None and not self._assessor.unclosed:
             self._contradiction = self._misfit.objection(found.configuration)
@@ -74,26 +88,36 @@ class Situation:
 
         Within `REACH` of a configuration where nothing about it was close, it stands.
         """
-        now, judged = self.assessment, self.judged
+        taken, judged = self._taken, self.judged
+        if taken is not None and judged is not None and judged.post.failures == taken.failures:
+            # The shortcut has made sure of all else that `_may_be_judged_later` asks for.
+            if not taken.failures or self._stands(judged, taken.actuator_values):
+                return False
+        now = self.assessment
         if now is judged:
             return False
         if now is not None and judged is not None and self._may_be_judged_later(now):
-            away = self._table.moved(
-                judged.configuration.actuator_values, now.configuration.actuator_values
-            )
-            if away <= REACH and is_safe(judged):
+            if self._stands(judged, now.configuration.actuator_values):
                 return False
         self.judged = now
         return True
 
+    def _stands(self, judged: Assessment, values: FloatArray) -> bool:
+        """Return whether a verdict also holds at other joint values (N,), for being near."""
+        away = self._table.moved(judged.configuration.actuator_values, values)
+        return away <= REACH and is_safe(judged)
+
     def shortcut(
         self, values: FloatArray, velocity: FloatArray, failures: FailureSet
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """Return rates (N,) and twist (6,) for new joint values the short way, if it is open.
+    ) -> Taken | None:
+        """Return the command for new joint values the short way, if it is open.
 
-        What the assessment would be is worked out by `catch_up`.
+        What the assessment is, is worked out when it is asked for.
         """
-        return self._shortcut.command(values, velocity, failures)
+        taken = self._shortcut.command(values, velocity, failures)
+        if taken is not None:
+            self._taken, self.assessed_by, self.outdated = taken, 'derived', False
+        return taken
 
     def first_command(
         self,
@@ -121,23 +145,24 @@ class Situation:
         return first, found.assessment.post.verdict.reason
 
     def catch_up(self) -> Followed | None:
-        """Assess where a command was made the short way; None if there was none since."""
-        followed, how = self._shortcut.followed(), 'derived'
-        if self._first is not None:
-            (first, found), self._first = self._first, None
-            how = 'anticipated'
-            followed = Followed(
-                found.prospect, first.inverse, first.limited(), None, found.exact, first.begun()
-            )
-        if followed is None:
+        """Take over what a first command was made of; None if there was none since."""
+        if self._first is None:
             return None
+        (first, found), self._first = self._first, None
+        followed = Followed(
+            found.prospect, first.inverse, first.limited(), None, found.exact, first.begun()
+        )
+        self._adopt(followed)
+        self.assessed_by, self.outdated = 'anticipated', not followed.exact
+        return followed
+
+    def _adopt(self, followed: Followed) -> None:
+        """Go on from what came of a command that was made a short way."""
         self._assessor.adopt(followed.prospect)
         self._law.adopt(followed.inverse, followed.looseness)
-        self.assessment, self.assessed_by = followed.prospect.assessment, how
-        self.outdated = not followed.exact
-        if self.assessment is not None and not self._may_be_judged_later(self.assessment):
-            self.judged = self.assessment
-        return followed
+        self._assessment = found = followed.prospect.assessment
+        if found is not None and not self._may_be_judged_later(found):
+            self.judged = found
 
     def prepare(self, *, moves: bool) -> None:
         """Work out what the next assessment will need, before it is needed.
@@ -147,12 +172,14 @@ class Situation:
         moves : bool
             Whether the command just given moves, and all that it depends on lasts.
         """
-        self._assessor.prepare()
-        if moves and self._is_settled():
-            assert self.assessment is not None
-            self._shortcut.prepare(self.assessment)
-        else:
+        if not (moves and self._is_settled()):
             self._shortcut.forget()
+        elif self._taken is not None:
+            self._shortcut.go_on(self._taken)
+            return
+        elif self.assessment is not None:
+            self._shortcut.prepare(self.assessment)
+        self._assessor.prepare()
 
     def anticipate(self, values: FloatArray, failures: FailureSet) -> bool:
         """Work out what one further failure would come to; return whether there was any to do."""
@@ -203,11 +230,10 @@ class Situation:
 
     def _is_settled(self) -> bool:
         """Return whether there is nothing against going on from the newest assessment."""
-        return (
-            self.assessment is not None
-            and not (self.outdated or self.obstacle or self.intolerance)
-            and self._law.at_ease
-        )
+        if self.outdated or self.intolerance or not self._law.at_ease:
+            return False
+        # The shortcut is not taken where there is an obstacle.
+        return self._taken is not None or not self.obstacle
 
     def _may_be_judged_later(self, found: Assessment) -> bool:
         """Return whether the verdict can wait until the command is out.

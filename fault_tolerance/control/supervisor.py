@@ -240,11 +240,11 @@ class Supervisor:
         if self._paused or self._ledger.stop_reason or self._readings.has_ceased(now):
             return None
         if self._transition.is_over(self.failures):
-            found = self._situation.shortcut(values, self._asked(now), self.failures)
-            if found is None:
+            taken = self._situation.shortcut(values, self._asked(now), self.failures)
+            if taken is None:
                 return None
             self._unseen = values
-            return Command(*found, before.decision, now, None)
+            return Command(taken.rates, taken.twist, before.decision, now, None, taken=taken)
         return self._first_command(values, now)
 
     def _first_command(self, values: FloatArray, now: float) -> Command | None:
@@ -330,7 +330,7 @@ class Supervisor:
                 given = self._resting(decision, given.time)
             self._given = given._replace(decision=decision)
         lasts = self.settings.recovery or not self.failures
-        situation.prepare(moves=lasts and self._given.limited is not None)
+        situation.prepare(moves=lasts and self._given.driven)
 
     def _hold_reason(self, now: float) -> str:
         """Return why the mechanism must not move now though nothing is wrong with it for good."""
@@ -363,18 +363,22 @@ class Supervisor:
 
     def _result(self, given: Command) -> Output:
         """Return the output that goes with a command."""
-        limited, assessment = given.limited, self._situation.assessment
+        limited, taken = given.limited, given.taken
+        if taken is not None:
+            residual = taken.residual
+        else:
+            residual = limited.command.residual if limited else self._asked(given.time)
+        whole = 1.0 if taken is not None else 0.0
         return Output(
             rates=given.rates,
             state=given.decision.state,
             reason=self._reason(given.decision, given.time),
             failures=self.failures,
-            post=assessment.post if assessment else None,
-            configuration=assessment.configuration if assessment else None,
+            assessed=taken.assessed if taken is not None else self._situation.supplier(),
             achieved=given.achieved,
-            residual=limited.command.residual if limited else self._asked(given.time),
-            scale=limited.scale if limited else 0.0,
-            secondary_scale=limited.secondary_scale if limited else 0.0,
+            residual=residual,
+            scale=limited.scale if limited else whole,
+            secondary_scale=limited.secondary_scale if limited else whole,
             saturation=limited.saturation if limited else (),
             jump=self._transition.jump,
             out_of_range=self._plausibility.out_of_range,

@@ -194,7 +194,7 @@ def test_an_error_after_the_command_brings_it_to_rest(kernels, monkeypatch):
             supervisor.task_velocity(np.array([1e-3, 0.0, 0.0]), now)
             supervisor.step(now)
         supervisor.joint_reading(path(mechanism, count=5)[1], 0.05)
-        monkeypatch.setattr(Shortcut, 'followed', lambda self: 1 / 0)
+        monkeypatch.setattr(Situation, 'prepare', lambda self, *, moves: 1 / 0)
         assert supervisor.command(0.05).rates.any()
         output = supervisor.settled()
     finally:

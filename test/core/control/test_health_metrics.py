@@ -171,9 +171,9 @@ def test_the_costly_part_is_not_in_the_path_of_a_command(monkeypatch):
     calls = []
     from fault_tolerance.control import assessment
 
-    computed = assessment.next_failure
+    computed = assessment.hard_measures
     monkeypatch.setattr(
-        assessment, 'next_failure', lambda post: calls.append(post) or computed(post)
+        assessment, 'hard_measures', lambda *given: calls.append(given) or computed(*given)
     )
     supervisor = fed(FSM, velocity=ASKED)
     supervisor.reports([report('stuck', 'theta_4')], 0.0)
@@ -186,10 +186,10 @@ def test_the_costly_part_is_not_in_the_path_of_a_command(monkeypatch):
 
 
 def test_the_state_is_told_even_if_the_measures_fail(monkeypatch):
-    def fail(_):
+    def fail(*_):
         raise np.linalg.LinAlgError('no convergence')
 
-    monkeypatch.setattr('fault_tolerance.control.assessment.next_failure', fail)
+    monkeypatch.setattr('fault_tolerance.control.assessment.hard_measures', fail)
     supervisor = fed(FSM, velocity=ASKED)
     supervisor.step(0.0)
     metrics = supervisor.metrics()
