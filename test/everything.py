@@ -3,8 +3,8 @@
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
 The tests of running nodes measure time, so nothing runs beside them. They run twice: with the
-fields of messages checked and commands by numpy, and as users run the nodes. Before that the
-others run, some processes at once.
+fields of messages checked and commands by numpy (but for those marked ``once``), and as users run
+the nodes. Before that the others run, some processes at once.
 Every part must pass, and none may be empty.
 """
 
@@ -119,7 +119,7 @@ def main(arguments: list[str]) -> int:
             for part in beside:
                 part.end()
         first = [name for name in nodes if name.endswith('/ros')]
-        count += Part(folder / 'checked.xml', [*first, *arguments],
+        count += Part(folder / 'checked.xml', [*first, '-m', 'not once', *arguments],
                       ROS_PYTHON_CHECK_FIELDS='1', FAULT_TOLERANCE_COMPILED='0').ended()
         count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
     told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')

@@ -5,6 +5,10 @@
 import subprocess
 import sys
 
+import pytest
+
+pytestmark = pytest.mark.once
+
 
 def command(*words):
     return subprocess.run(

@@ -12,6 +12,8 @@ import pytest
 from fault_tolerance.analysis.bags import read_samples
 from fault_tolerance.analysis.topics import RECORDED
 
+pytestmark = pytest.mark.once
+
 TWO_PHASES = (
     'import sys, pathlib\n'
     'from fault_tolerance.analysis.demonstration import PHASES\n'

@@ -19,6 +19,8 @@ from std_msgs.msg import UInt32
 from fault_tolerance.nodes.idle import IdleTime, Job
 from fault_tolerance.nodes.spinning import make_executor, turn
 
+pytestmark = pytest.mark.once
+
 HERE = Path(__file__).parent
 WINDOW = 1.5
 RATE = 100.0

@@ -18,6 +18,8 @@ from node_rig import LockstepClock, Probe, rms
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
+pytestmark = pytest.mark.once
+
 PERIODS = 5
 SETTLING = 1.0
 

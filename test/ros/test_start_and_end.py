@@ -10,6 +10,8 @@ import time
 import pytest
 from node_rig import PATIENCE, Plant
 
+pytestmark = pytest.mark.once
+
 ATTEMPTS = 3
 MODULES = {
     'controller': 'fault_tolerance',

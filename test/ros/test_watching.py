@@ -38,7 +38,9 @@ def test_it_tells_how_things_stand(robot, start):
     plant.connect()
     plant.asked = (1e-3, 2e-3)
     plant.step()
-    robot.wait(lambda: watcher.snapshot().actuators, 'measures')
+    robot.wait(
+        lambda: watcher.snapshot().actuators and watcher.snapshot().struts, 'measures'
+    )
 
     healthy = watcher.snapshot()
     assert healthy.title == 'mirror_4_strut in /robot'
