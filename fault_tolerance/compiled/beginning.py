@@ -63,14 +63,8 @@ def _jumps(
     return sqrt(first), sqrt(second)
 
 
-@entry(
-    numbers(2), numbers(2), numbers(2), numbers(2), numbers(2), numbers(2),
-    numbers(2), numbers(1), numbers(2),
-    numbers(1), counts(), NUMBER, NUMBER,
-    numbers(1), numbers(2), NUMBER, COUNT,
-    numbers(1), numbers(1), numbers(1), numbers(1), NUMBER, results(),
-)
-def begin(
+@compiled
+def _begin(
     major_inverse: FloatArray, secondary_inverse: FloatArray, jacobian: FloatArray,
     mapping: FloatArray, twist_jacobian: FloatArray, rate_map: FloatArray,
     left: FloatArray, sigma: FloatArray, right: FloatArray,
@@ -79,7 +73,7 @@ def begin(
     values: FloatArray, velocity: FloatArray, sent_rates: FloatArray, sent_major: FloatArray,
     allowed: float, out: FloatArray,
 ) -> int:
-    """Write the first command into ``out``.
+    """Do what `begin` does, the parts of ``prepared`` one by one.
 
     Parameters
     ----------
@@ -107,15 +101,6 @@ def begin(
         The command before, and its major velocity in metres per second.
     allowed : float
         By how much the drives' speed may change, metres per second.
-    out : (N + 6 + 2 n + 2,) array
-        Takes rates, platform twist, the major and the secondary part of the reduced rates, and
-        the jumps of major velocity and rates.
-
-    Returns
-    -------
-    int
-        1 if it is what it is to be, 2 if it is on the way there, 0 if the definition is to be
-        asked instead.
     """
     size = 0.0
     for value in velocity:
@@ -185,3 +170,72 @@ def begin(
             at += 1
     out[at], out[at + 1] = jumps
     return kind
+
+
+@entry(
+    results(), counts(), COUNT, COUNT, NUMBER, NUMBER, NUMBER,
+    numbers(1), numbers(1), numbers(1), numbers(1), NUMBER, results(),
+)
+def begin(
+    prepared: FloatArray, major: IntArray, mobility: int, rank: int, unit: float,
+    singular_below: float, stroke_gain: float,
+    values: FloatArray, velocity: FloatArray, sent_rates: FloatArray, sent_major: FloatArray,
+    allowed: float, out: FloatArray,
+) -> int:
+    """Write the first command into ``out``.
+
+    Parameters
+    ----------
+    prepared : array
+        One after the other, row by row: both parts of the inverse (n, l), the Jacobian of the task
+        (l, n), the mapping (N, n), the Jacobian of the twist (6, n), the rates of all drives
+        (N, n), the decomposition of the major rows times their weights ((m, k), (k,), (n, n)),
+        the weights (l,), the largest speeds (N,) and the ends of the strokes (2, N). One array is
+        found faster than a dozen.
+    major : int array
+        Places of major coordinates in the task.
+    mobility, rank : int
+        n and k.
+    unit, singular_below, stroke_gain : float
+    values, velocity : (N,), (l,) array
+        Joint values, and what is asked for.
+    sent_rates, sent_major : (N,), (m,) array
+        The command before, and its major velocity in metres per second.
+    allowed : float
+        By how much the drives' speed may change, metres per second.
+    out : (N + 6 + 2 n + 2,) array
+        Takes rates, platform twist, the major and the secondary part of the reduced rates, and
+        the jumps of major velocity and rates.
+
+    Returns
+    -------
+    int
+        1 if it is what it is to be, 2 if it is on the way there, 0 if the definition is to be
+        asked instead.
+    """
+    drives, task, part = len(values), len(velocity), len(major)
+    a = mobility * task
+    b = a + mobility * task
+    c = b + task * mobility
+    d = c + drives * mobility
+    e = d + 6 * mobility
+    f = e + drives * mobility
+    g = f + part * rank
+    h = g + rank
+    i = h + mobility * mobility
+    j = i + task
+    k = j + drives
+    return _begin(
+        prepared[:a].reshape((mobility, task)),
+        prepared[a:b].reshape((mobility, task)),
+        prepared[b:c].reshape((task, mobility)),
+        prepared[c:d].reshape((drives, mobility)),
+        prepared[d:e].reshape((6, mobility)),
+        prepared[e:f].reshape((drives, mobility)),
+        prepared[f:g].reshape((part, rank)),
+        prepared[g:h],
+        prepared[h:i].reshape((mobility, mobility)),
+        prepared[i:j], major, unit, singular_below,
+        prepared[j:k], prepared[k:].reshape((2, drives)), stroke_gain, mobility,
+        values, velocity, sent_rates, sent_major, allowed, out,
+    )

@@ -55,7 +55,8 @@ class Onset:
         self._law = law
         self._least = max(settings.slow_below, LEAVING * settings.hold_below)
         self._most_misfit = settings.misfit_limit * mechanism.characteristic_length
-        self._limits = (*constant_limits(mechanism), settings.stroke_gain)
+        self._limits = constant_limits(mechanism)
+        self._stroke_gain = settings.stroke_gain
 
     def readied(self, assessment: Assessment, inverse: TaskInverse) -> Readied | None:
         """Return what can be made ready; None where the long way is to be taken."""
@@ -68,13 +69,16 @@ class Onset:
         if not assessment.configuration.largest_misfit <= self._most_misfit:
             return None
         major = kinematics.task.major_rows
-        return Readied(inverse, (
+        decomposition = kinematics.decomposed_major(weights[major])
+        parts = (
             inverse.major, inverse.secondary,
             kinematics.jacobian, kinematics.mapping, kinematics.twist_jacobian,
-            kinematics.rate_map,
-            *kinematics.decomposed_major(weights[major]),
-            weights, major, unit, SINGULAR_BELOW,
-            *self._limits, kinematics.mobility,
+            kinematics.rate_map, *decomposition, weights, *self._limits,
+        )
+        prepared = np.concatenate([part.ravel() for part in parts])
+        return Readied(inverse, (
+            prepared, major, kinematics.mobility, len(decomposition[1]), unit, SINGULAR_BELOW,
+            self._stroke_gain,
         ))
 
     def command(

@@ -55,8 +55,7 @@ class Command(NamedTuple):
         return self.limited is not None or self.taken is not None
 
 
-@dataclass(frozen=True, eq=False)
-class Output:
+class Output(NamedTuple):
     """The command of one cycle, and the certificate that goes with it.
 
     Attributes

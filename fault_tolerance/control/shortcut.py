@@ -6,8 +6,8 @@
 The compiled path does in one call what a command needs, provided that it is made as the one
 before was: with the same failures, the same freedoms, far from singularities and limits. It makes
 sure of that itself, and declines otherwise. What else there is to know of the new configuration
-is made of its results after the command has gone out (`Shortcut.followed`); nothing but the order
-of things differs from the long way (`fault_tolerance.control.situation.Situation.assess`).
+is made of its results when it is asked for (`Taken.followed`); nothing but the order of things
+differs from the long way (`fault_tolerance.control.situation.Situation.assess`).
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from fault_tolerance.control.limits import LimitedRate
 from fault_tolerance.control.resolved_rate import (
@@ -53,8 +54,7 @@ class Jump:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Sent:
+class Sent(NamedTuple):
     """The command before.
 
     Attributes

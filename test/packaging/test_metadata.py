@@ -23,8 +23,8 @@ ROSDEP_KEY_OF = {
     'yaml': 'python3-yaml',
 }
 REQUIREMENT_OF = {'yaml': 'PyYAML'}
-# In no apt repository of Ubuntu 24.04: extras of the pip package, and never needed.
-PIP_ONLY = {'mujoco': 'mujoco', 'rosbags': 'record'}
+# Extras of the pip package, not to be counted on as apt packages of Ubuntu 24.04; never needed.
+PIP_ONLY = {'mujoco': 'mujoco', 'numba': 'fast', 'rosbags': 'record'}
 
 
 def imported_names(folder):
