@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -91,8 +91,10 @@ class MetricsPublisher:
         """Publish the state, for those as well who come later."""
         self._state.publish(String(data=state))
 
-    def publish(self, stamp: Time, metrics: Metrics, further: Mapping[str, str]) -> None:
-        """Publish the metrics in every form that is listened to.
+    def publishing(
+        self, stamp: Time, metrics: Metrics, further: Mapping[str, str]
+    ) -> Iterator[None]:
+        """Publish the metrics in every form that is listened to, piece by piece.
 
         Parameters
         ----------
@@ -102,7 +104,12 @@ class MetricsPublisher:
             More values of the mechanism.
         """
         if self._all in self._heard:
-            self._all.publish(self._diagnostics(stamp, metrics, further))
+            statuses = [self._overall(metrics, further)]
+            yield
+            statuses += self._parts(metrics)
+            yield
+            self._all.publish(diagnostics_to_msg(stamp, statuses))
+            yield
         for name, publisher in self._scalars.items():
             if publisher not in self._heard:
                 continue
@@ -119,16 +126,16 @@ class MetricsPublisher:
             values = {part.name: float(getattr(part, mode) or 0.0) for part in parts}
             publisher.publish(labelled_array_to_msg(values))
 
-    def _diagnostics(
-        self, stamp: Time, metrics: Metrics, further: Mapping[str, str]
-    ) -> DiagnosticArray:
-        """Return a status for the mechanism, for every actuator and for every strut."""
-        statuses = [
-            status_to_msg(
-                'fault_tolerance: mechanism', f'{self._prefix}{self._name}',
-                metrics.level, metrics.message, {**_mechanism_values(metrics), **further},
-            )
-        ]
+    def _overall(self, metrics: Metrics, further: Mapping[str, str]) -> DiagnosticStatus:
+        """Return the status of the mechanism."""
+        return status_to_msg(
+            'fault_tolerance: mechanism', f'{self._prefix}{self._name}',
+            metrics.level, metrics.message, {**_mechanism_values(metrics), **further},
+        )
+
+    def _parts(self, metrics: Metrics) -> list[DiagnosticStatus]:
+        """Return a status for every actuator and for every strut."""
+        statuses = []
         parts: tuple[ActuatorMetrics | StrutMetrics, ...] = (*metrics.actuators, *metrics.struts)
         for part in parts:
             failed = part.failure != 'none'
@@ -139,7 +146,7 @@ class MetricsPublisher:
                     level, f'{part.failure} failure' if failed else 'healthy', _part_values(part),
                 )
             )
-        return diagnostics_to_msg(stamp, statuses)
+        return statuses
 
 
 def _mechanism_values(metrics: Metrics) -> Mapping[str, str]:

@@ -26,6 +26,9 @@ itself every three seconds): until then that nothing has arrived means nothing.
 """
 
 
+_NO_MORE = object()
+
+
 class Teller:
     """Publishes and logs what has changed, and the metrics.
 
@@ -55,6 +58,7 @@ class Teller:
         self._told: tuple[object, ...] = ()
         self._pieces: Iterator[Metrics | None] | None = None
         self._worked_out: Metrics | None = None
+        self._publishing: Iterator[None] | None = None
         self._discovered = monotonic() + DISCOVERY
 
     @property
@@ -91,12 +95,17 @@ class Teller:
             self._told = (output.state, output.failures)
             self._node.get_logger().info(f'{output.state.value}: {output.reason}')
             self._metrics.look_for_listeners()
-            self._pieces = self._worked_out = None
+            self._pieces = self._worked_out = self._publishing = None
             self.measures.due = True
         return False
 
     def _measure(self) -> bool:
         if not self._metrics.heard:
+            return False
+        if self._publishing is not None:
+            if next(self._publishing, _NO_MORE) is None:
+                return True
+            self._publishing = None
             return False
         if self._pieces is None:
             self._pieces = self._supervisor.metrics_by_pieces()
@@ -106,6 +115,6 @@ class Teller:
         residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
         further = {'residual': residual, 'report_stamp': self.report_stamp}
         stamp = self._node.get_clock().now().to_msg()
-        self._metrics.publish(stamp, self._worked_out, further)
+        self._publishing = self._metrics.publishing(stamp, self._worked_out, further)
         self._pieces = self._worked_out = None
-        return False
+        return True
