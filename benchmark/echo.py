@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 from fault_tolerance.nodes.spinning import run
 
 JOINT_STATE, ARRAY = 'joint_state', 'array'
-NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def topics(kind: str) -> tuple[str, str]:
@@ -41,7 +41,7 @@ class Echo(Node):
             publisher.publish(answer)
 
         if kind == JOINT_STATE:
-            self.create_subscription(JointState, heard, on_message, NEWEST_ONLY)
+            self.create_subscription(JointState, heard, on_message, NEWEST)
         else:
             self.create_subscription(Float64MultiArray, heard, on_message, 10)
 

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
-from benchmark.echo import NEWEST_ONLY
+from benchmark.echo import NEWEST
 from benchmark.motion import circle
 from benchmark.prober import report, twist
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -45,7 +45,7 @@ def main() -> int:
         signal.signal(number, lambda number, _: leaving.append(number))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = Node('generator', enable_rosout=False)
-    joint_states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+    joint_states = node.create_publisher(JointState, 'joint_states', NEWEST)
     velocities = node.create_publisher(TwistStamped, 'fault_tolerance/task_velocity', 10)
     reports = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
     clock = node.get_clock()

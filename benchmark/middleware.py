@@ -21,7 +21,7 @@ from geometry_msgs.msg import TwistStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from benchmark.echo import ARRAY, JOINT_STATE, NEWEST_ONLY, topics
+from benchmark.echo import ARRAY, JOINT_STATE, NEWEST, topics
 from benchmark.motion import circle
 from benchmark.names import ARRAY_ECHO, COMMAND, FAILURE, JOINT_STATE_ECHO, RELEASE
 from benchmark.prober import (
@@ -72,12 +72,12 @@ class Conversation:
         self._step = 0
         node = prober.node
         self._commands = Mailbox(node, Float64MultiArray, 'velocity_controller/commands')
-        self._joint_states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
+        self._joint_states = node.create_publisher(JointState, 'joint_states', NEWEST)
         self._velocities = node.create_publisher(TwistStamped, 'fault_tolerance/task_velocity', 10)
         self._reports = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._echoes = {}
         for kind, type_, qos in (
-            (JOINT_STATE, JointState, NEWEST_ONLY), (ARRAY, Float64MultiArray, 10)
+            (JOINT_STATE, JointState, NEWEST), (ARRAY, Float64MultiArray, 10)
         ):
             heard, said = topics(kind)
             publisher = node.create_publisher(type_, heard, qos)

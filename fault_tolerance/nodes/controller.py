@@ -58,7 +58,8 @@ LATE = 3.0 * WATCHDOG_PERIOD
 STALL = 0.15
 """Seconds between two watchdog periods that count as a stall."""
 
-_NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+# One may wait while another is worked on; older ones are of no use.
+_NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
 
 
@@ -97,7 +98,7 @@ class Controller(Node):
             self._teller.changes, self._teller.measures, self._anticipating, self._collecting
         )
         self._joint_states = self.create_subscription(
-            JointState, 'joint_states', self._on_joint_state, _NEWEST_ONLY
+            JointState, 'joint_states', self._on_joint_state, _NEWEST
         )
         self._velocities = self.create_subscription(
             TwistStamped, '~/task_velocity', self._on_task_velocity, 10
