@@ -137,8 +137,9 @@ def _outcomes(outcomes: Sequence[dict[str, Any]]) -> Table:
     for one in outcomes:
         value = '' if one['measured'] is None else f'{one["measured"]:.4g} {one["unit"]}'
         table.add_row(
-            one['quantity'], f'{one["must"]:.3g}', f'{one["aim"]:.3g}', value,
-            words[one['must_met']], words[one['aim_met']],
+            one['quantity'], '' if one['must'] is None else f'{one["must"]:.3g}',
+            f'{one["aim"]:.3g}', value,
+            '' if one['must'] is None else words[one['must_met']], words[one['aim_met']],
         )
     return table
 
