@@ -60,12 +60,12 @@ class Assessment:
 
     @cached_property
     def singles(self) -> tuple[FloatArray, FloatArray]:
-        """P and t of each further failure, (N,) each."""
+        """The measures p and t of each further failure, (N,) each."""
         return single_measures(self.post.present)
 
     @cached_property
     def hard(self) -> FloatArray:
-        """H of each further strut lost, (s,)."""
+        """The measure h of each further strut lost, (s,)."""
         return hard_measures(self.post.rows, self.post.failures, self.post.present)
 
     @cached_property

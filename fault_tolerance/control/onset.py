@@ -109,6 +109,8 @@ class Onset:
         kind = kernels.begin(
             *readied.arguments, values, velocity, sent.rates, sent.major, allowed, out
         )
+        # Before any part of it is taken: what is given out stays as it is.
+        out.setflags(write=False)
         return FirstCommand(readied.inverse, velocity, out, kind == 2) if kind else None
 
 
@@ -140,7 +142,6 @@ class FirstCommand(NamedTuple):
     def limited(self) -> LimitedRate:
         """Return what the command is made of."""
         inverse = self.inverse
-        self.out.setflags(write=False)
         mobility = inverse.kinematics.mobility
         begin = len(self.out) - 2 - 2 * mobility
         major = self.out[begin : begin + mobility]

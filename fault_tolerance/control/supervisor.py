@@ -284,9 +284,9 @@ class Supervisor:
             lambda target, within: self._transition.eased(target, within, self.failures, now),
         )
         # Adding zero turns the -0.0 of a resting drive into 0.0.
-        return Command(
-            limited.command.rates + 0.0, limited.command.twist, decision, now, limited
-        )
+        rates = limited.command.rates + 0.0
+        rates.setflags(write=False)
+        return Command(rates, limited.command.twist, decision, now, limited)
 
     def _conditions(self, stop: str, hold: str) -> Conditions:
         situation = self._situation

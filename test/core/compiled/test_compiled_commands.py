@@ -57,6 +57,8 @@ class Both:
         assert one.failures == other.failures
         scale = max(1e-9, float(np.abs(other.rates).max()))
         for name in ('rates', 'achieved', 'residual'):
+            assert not getattr(one, name).flags.writeable
+            assert not getattr(other, name).flags.writeable
             np.testing.assert_allclose(
                 getattr(one, name), getattr(other, name), atol=1e-9 * scale, err_msg=name
             )
