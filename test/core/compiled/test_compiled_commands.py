@@ -8,7 +8,7 @@ from core.cases import named
 from core.compiled.test_compiled_kinematics import path, same
 from core.control.control_cases import report
 
-from fault_tolerance.compiled.activation import Active, activate
+from fault_tolerance.compiled.activation import Active
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.shortcut import Shortcut
 from fault_tolerance.control.situation import Situation
@@ -18,14 +18,6 @@ pytestmark = pytest.mark.needs_numba
 
 NAMES = ('fsm_3_strut', 'fsm_4_strut', 'mirror_4_strut', 'mirror_overactuated', 'fsm_overactuated',
          'gough_stewart_6', 'gough_stewart_8', 'planar_4rpr')
-
-
-@pytest.fixture(scope='module')
-def kernels():
-    assert activate() == ''
-    found = Active.kernels
-    Active.kernels = None
-    return found
 
 
 class Both:

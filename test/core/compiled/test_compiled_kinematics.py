@@ -9,7 +9,7 @@ import pytest
 from core.cases import named
 from core.mechanism.test_short_way import ELSEWHERE, REGULAR
 
-from fault_tolerance.compiled.activation import Active, activate
+from fault_tolerance.compiled.activation import Active
 from fault_tolerance.control.resolved_rate import RateResolver
 from fault_tolerance.control.transition import Transition
 from fault_tolerance.kinematics.failures import failure_set
@@ -19,14 +19,6 @@ from fault_tolerance.mechanism import tracking
 from fault_tolerance.mechanism.configuration import fitted_configuration
 
 pytestmark = pytest.mark.needs_numba
-
-
-@pytest.fixture(scope='module')
-def kernels():
-    assert activate() == ''
-    found = Active.kernels
-    Active.kernels = None
-    return found
 
 
 @contextmanager

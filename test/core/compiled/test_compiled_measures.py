@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from core import cases
-from core.compiled.test_compiled_kinematics import compiled, kernels  # noqa: F401
+from core.compiled.test_compiled_kinematics import compiled
 from core.mechanism.test_short_way import REGULAR
 
 from fault_tolerance.kinematics.failures import failure_set
@@ -28,7 +28,7 @@ def some_failures(mechanism):
 
 
 @pytest.mark.parametrize('name', REGULAR)
-def test_they_come_to_the_same(kernels, name):  # noqa: F811
+def test_they_come_to_the_same(kernels, name):
     mechanism = cases.named(name)
     rng = np.random.default_rng(3)
     reach = 0.01 * mechanism.characteristic_length / mechanism.rate_scale
@@ -46,7 +46,7 @@ def test_they_come_to_the_same(kernels, name):  # noqa: F811
                 np.testing.assert_array_equal(one == 0.0, other == 0.0)
 
 
-def test_it_is_really_taken(kernels, monkeypatch):  # noqa: F811
+def test_it_is_really_taken(kernels, monkeypatch):
     mechanism = cases.named('mirror_4_strut')
     post = reconfigured(home_rows(mechanism))
     with compiled(kernels):

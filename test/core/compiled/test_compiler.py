@@ -87,3 +87,17 @@ def test_an_argument_of_another_type_is_an_error():
     kernel = compiler.entry(compiler.numbers(1))(lambda x: x[0])
     with pytest.raises(TypeError, match='No matching definition'):
         kernel([1.0])
+
+
+@pytest.mark.needs_numba
+def test_numbers_are_those_of_the_definitions():
+    """Imports lead downwards, so some stand in both places."""
+    from fault_tolerance.compiled import beginning, commanding, following, placing
+    from fault_tolerance.control import resolved_rate, transition
+    from fault_tolerance.mechanism import screws, tracking
+
+    assert beginning._LARGEST_SPEED == commanding._LARGEST_SPEED == resolved_rate.LARGEST_SPEED
+    assert beginning._ROUNDING == transition.ROUNDING
+    assert following._MOST_CHORDS == tracking._MOST_CHORDS
+    assert following._MOST_EVALUATIONS == tracking._MOST_EVALUATIONS
+    assert placing._SERIES_ANGLE == screws._SERIES_ANGLE
