@@ -62,7 +62,6 @@ $(STAMP): setup.py setup.cfg package.xml
 	@touch $@
 
 demo: venv  ## Run the demonstration (ENGINE=... and ARGS=... are passed on)
-	@$(RUN) -m $(PACKAGE).compiled || true
 	@$(RUN) -m $(PACKAGE) demo $(if $(ENGINE),--engine $(ENGINE)) $(ARGS)
 
 bench: $(VENV)/.peers  ## Measure speed, beside peers where they install (ARGS=--quick: a short run)

@@ -19,6 +19,7 @@ from fault_tolerance import commands
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
+from fault_tolerance.compiled.activation import activate
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.reference import Circle, Raster
@@ -244,6 +245,8 @@ def _demo(chosen: argparse.Namespace) -> int:
     require_engine(chosen.engine)
     with _needing_rclpy():
         from fault_tolerance.nodes.demonstration import demonstrate
+    # The nodes are waited for only so long; without numba this comes to nothing.
+    activate(print)
     return demonstrate(Path(chosen.output), engine=chosen.engine)
 
 
