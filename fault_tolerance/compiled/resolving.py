@@ -229,6 +229,29 @@ def invert_task(
     return first, second, driven
 
 
+@compiled
+def keeps_limits(
+    rate: float, value: float, speed: float, low: float, high: float, stroke_gain: float
+) -> bool:
+    """Return whether the rate of a drive keeps its limits at its joint value.
+
+    Parameters
+    ----------
+    rate, value : float
+    speed : float
+        The largest.
+    low, high : float
+        From home to the ends of the stroke, both counted outwards.
+    stroke_gain : float
+        See `fault_tolerance.control.limits.rate_bounds`.
+    """
+    down = up = speed
+    if np.isfinite(value):
+        down = min(max(stroke_gain * (low + value), 0.0), speed)
+        up = min(max(stroke_gain * (high - value), 0.0), speed)
+    return -down <= rate <= up
+
+
 @entry(numbers(1), numbers(1), numbers(1), numbers(2), NUMBER)
 def within(
     rates: FloatArray, values: FloatArray, speeds: FloatArray, ends: FloatArray,
@@ -239,10 +262,9 @@ def within(
     See `fault_tolerance.control.limits.rate_bounds`.
     """
     for drive in range(len(rates)):
-        down = up = speeds[drive]
-        if np.isfinite(values[drive]):
-            down = min(max(stroke_gain * (ends[0, drive] + values[drive]), 0.0), down)
-            up = min(max(stroke_gain * (ends[1, drive] - values[drive]), 0.0), up)
-        if not -down <= rates[drive] <= up:
+        if not keeps_limits(
+            rates[drive], values[drive], speeds[drive], ends[0, drive], ends[1, drive],
+            stroke_gain,
+        ):
             return False
     return True

@@ -25,6 +25,7 @@ from fault_tolerance.control.assessment import Assessment, Assessor, Prospect
 from fault_tolerance.control.command import CommandLaw
 from fault_tolerance.control.onset import Onset, Readied
 from fault_tolerance.control.resolved_rate import TaskInverse
+from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -144,7 +145,9 @@ class PostFailureTable:
                 return True
         return False
 
-    def found(self, values: FloatArray, failures: FailureSet, nominal: int) -> Found | None:
+    def found(
+        self, values: FloatArray, failures: FailureSet, nominal: DifferentialKinematics
+    ) -> Found | None:
         """Return the entry for ``failures`` if it may be used at the joint values (N,).
 
         Parameters
@@ -152,8 +155,8 @@ class PostFailureTable:
         values : (N,) array
         failures : FailureSet
             All that are present now.
-        nominal : int
-            Mobility of the nominal kinematics at the last assessment.
+        nominal : DifferentialKinematics
+            Those at the last assessment.
         """
         entry = self._entries.get(failures)
         prospect = entry.prospect if entry else None
@@ -163,7 +166,7 @@ class PostFailureTable:
         exact = entry.values.tobytes() == values.tobytes()
         if exact or (
             self.moved(entry.values, values) <= REACH
-            and assessment.post.nominal.mobility == nominal
+            and assessment.post.nominal.mobility == nominal.mobility
             and is_safe(assessment)
         ):
             return Found(prospect, assessment, entry.inverse, entry.readied, exact)

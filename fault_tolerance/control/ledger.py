@@ -16,7 +16,14 @@ from math import isfinite
 from typing import NamedTuple
 
 from fault_tolerance.control.notices import Notice, clean
-from fault_tolerance.control.reports import STALE, Report, Statement, understood
+from fault_tolerance.control.reports import (
+    STALE,
+    Report,
+    Statement,
+    of_every_mode,
+    taken_at_its_word,
+    understood,
+)
 from fault_tolerance.kinematics.failures import (
     FailureMode,
     FailureSet,
@@ -100,6 +107,7 @@ class FailureLedger:
         report_timeout: float = 3.0,
     ) -> None:
         self._mechanism = mechanism
+        self._parts = of_every_mode(mechanism)
         self._auto_clear = auto_clear
         self._stop_on_unknown_mode = stop_on_unknown_mode
         self._report_timeout = report_timeout
@@ -159,7 +167,10 @@ class FailureLedger:
             given = report.stamp if report.stamp is not None and isfinite(report.stamp) else now
             # A source whose clock runs ahead must not look as if it went on reporting.
             stamp = min(given, now)
-            statement = self._repeated(report)
+            entry = self._entries.get(report.source)
+            statement = _repeated(report, entry) if entry else None
+            if statement is None:
+                statement = taken_at_its_word(report, self._parts)
             if statement is None:
                 statement, remarks = understood(
                     report, self._mechanism, stop_on_unknown_mode=self._stop_on_unknown_mode
@@ -183,14 +194,6 @@ class FailureLedger:
         """Return whether a failure was reported before the last clear, and may be gone."""
         cleared_at = self._cleared_at
         return cleared_at is not None and stamp < cleared_at and now - cleared_at <= REPEAT_WINDOW
-
-    def _repeated(self, report: Report) -> Statement | None:
-        """Return the latched statement that a report says over again: nothing new, no remarks."""
-        entry = self._entries.get(report.source)
-        if entry is None or report.level == STALE:
-            return None
-        same = (entry.statement.target, entry.statement.word) == (report.target, report.mode)
-        return entry.statement if same and not entry.healed else None
 
     def _place(self, source: _Source, statement: Statement) -> _Source:
         """Return the key a statement is kept under; past the capacity, one per failure."""
@@ -244,6 +247,14 @@ class FailureLedger:
         if statement.mode is FailureMode.HARD:
             return self._mechanism.actuators_of(strut_named(self._mechanism, statement.target))
         return actuators_named(self._mechanism, statement.target)
+
+
+def _repeated(report: Report, entry: _Entry) -> Statement | None:
+    """Return the latched statement that a report says over again: nothing new, no remarks."""
+    if report.level == STALE:
+        return None
+    same = (entry.statement.target, entry.statement.word) == (report.target, report.mode)
+    return entry.statement if same and not entry.healed else None
 
 
 def _texts(entries: Iterable[_Entry]) -> tuple[str, ...]:

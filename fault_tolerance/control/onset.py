@@ -11,7 +11,7 @@ kinematics is put in its place after the command has gone out.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,11 +19,36 @@ from fault_tolerance.compiled.activation import Active
 from fault_tolerance.control.assessment import Assessment
 from fault_tolerance.control.command import LEAVING, CommandLaw
 from fault_tolerance.control.limits import LimitedRate, constant_limits
+from fault_tolerance.control.recovery import Decision, State
 from fault_tolerance.control.resolved_rate import SINGULAR_BELOW, ResolvedRate, TaskInverse
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Begun, Jump, Sent
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+
+
+class Room(NamedTuple):
+    """Where the compiled path writes one command, and views of it that are given out.
+
+    Attributes
+    ----------
+    out : array
+    rates, twist : (N,), (6,) array
+        Not to be written to.
+    """
+
+    out: FloatArray
+    rates: FloatArray
+    twist: FloatArray
+
+    @classmethod
+    def of(cls, size: int, drives: int) -> Room:
+        """Return room for ``size`` numbers."""
+        out = np.zeros(size)
+        rates, twist = out[:drives], out[drives : drives + 6]
+        for view in (rates, twist):
+            view.setflags(write=False)
+        return cls(out, rates, twist)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +58,24 @@ class Readied:
     Attributes
     ----------
     inverse : TaskInverse
-    arguments : tuple
-        Of `fault_tolerance.compiled.beginning.begin`, without the last six.
+    decision : Decision
+        On the state that begins with it.
+    prepared : array
+        See `fault_tolerance.compiled.beginning.begin`.
+    mobility : int
+        Number n of reduced rates.
+    size : int
+        How many numbers that function writes.
+    rooms : list of Room
+        Room for one command: to make an array takes as long as to work out what is in it.
     """
 
     inverse: TaskInverse
-    arguments: tuple[Any, ...]
+    decision: Decision
+    prepared: FloatArray
+    mobility: int
+    size: int
+    rooms: list[Room]
 
 
 class Onset:
@@ -55,31 +92,66 @@ class Onset:
         self._law = law
         self._least = max(settings.slow_below, LEAVING * settings.hold_below)
         self._most_misfit = settings.misfit_limit * mechanism.characteristic_length
-        self._limits = constant_limits(mechanism)
+        speeds, ends = constant_limits(mechanism)
+        self._limits = np.concatenate([speeds, ends.ravel()])
         self._stroke_gain = settings.stroke_gain
 
     def readied(self, assessment: Assessment, inverse: TaskInverse) -> Readied | None:
         """Return what can be made ready; None where the long way is to be taken."""
-        law, kinematics = self._law, inverse.kinematics
-        weights, unit, _, _ = law.resolver.constants
+        unit, kinematics = self._law.unit, inverse.kinematics
         if Active.kernels is None or unit is None or not kinematics.stable:
             return None
-        if not min(law.margins(inverse)) >= self._least:
+        if not min(self._law.margins(inverse)) >= self._least:
             return None
         if not assessment.configuration.largest_misfit <= self._most_misfit:
             return None
-        major = kinematics.task.major_rows
-        decomposition = kinematics.decomposed_major(weights[major])
-        parts = (
-            inverse.major, inverse.secondary,
-            kinematics.jacobian, kinematics.mapping, kinematics.twist_jacobian,
-            kinematics.rate_map, *decomposition, weights, *self._limits,
+        goal, start, way = self._matrices(inverse, unit)
+        constants = np.array([unit, self._stroke_gain])
+        prepared = np.concatenate(
+            [constants, self._limits, goal.ravel(), start.ravel(), way.ravel()]
         )
-        prepared = np.concatenate([part.ravel() for part in parts])
-        return Readied(inverse, (
-            prepared, major, kinematics.mobility, len(decomposition[1]), unit, SINGULAR_BELOW,
-            self._stroke_gain,
-        ))
+        decision = Decision(State.DEGRADED, assessment.post.verdict.reason)
+        size = 3 * len(goal)
+        rooms = [Room.of(size, len(kinematics.mapping))]
+        return Readied(inverse, decision, prepared, kinematics.mobility, size, rooms)
+
+    def _matrices(
+        self, inverse: TaskInverse, unit: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what gives the command a transition leads to, begins with, and the way.
+
+        See `fault_tolerance.compiled.beginning.begin`, and
+        `fault_tolerance.control.transition.Transition` for the definitions.
+        """
+        kinematics = inverse.kinematics
+        mapping, mobility = kinematics.mapping, kinematics.mobility
+        weights = self._law.resolver.constants[0][kinematics.task.major_rows]
+        weighted = weights[:, None] * kinematics.major
+        left, sigma, right = kinematics.decomposed_major(weights)
+        driven = int((sigma / unit > SINGULAR_BELOW).sum())
+        right = right[:driven]
+        asked, drives, part = inverse.major.shape[1], len(mapping), len(weighted)
+        goal = np.zeros((mobility, asked + drives + part))
+        goal[:, :asked] = inverse.major + inverse.secondary
+        # From the nearest to the last command, the major task moving as it moved.
+        correcting = (right.T / sigma[:driven]).dot(left[:, :driven].T)
+        start = np.zeros(goal.shape)
+        start[:, asked : asked + drives] = mapping.T - correcting.dot(weighted.dot(mapping.T))
+        start[:, asked + drives :] = correcting
+        effects = np.concatenate([kinematics.rate_map, kinematics.twist_jacobian, weighted])
+
+        def command(reduced: FloatArray, major: FloatArray) -> FloatArray:
+            rates, twist, change = np.split(effects.dot(reduced), [drives, drives + 6])
+            change[:, asked + drives :] -= np.eye(part)
+            jump = unit * rates
+            jump[:, asked : asked + drives] -= unit * np.eye(drives)
+            return np.concatenate([rates, twist, major, reduced - major, change, jump])
+
+        driving = right.T.dot(right)
+        major = np.zeros(goal.shape)
+        major[:, :asked] = inverse.major
+        begun = command(start, driving.dot(start))
+        return command(goal, major), begun, command(goal, driving.dot(goal)) - begun
 
     def command(
         self,
@@ -102,16 +174,16 @@ class Onset:
         allowed : float
             By how much the drives' speed may differ from its, m/s.
         """
-        kernels, kinematics = Active.kernels, readied.inverse.kinematics
+        kernels = Active.kernels
         if kernels is None:
             return None
-        out = np.empty(len(values) + 8 + 2 * kinematics.mobility)
+        rooms = readied.rooms
+        room = rooms.pop() if rooms else Room.of(readied.size, len(values))
         kind = kernels.begin(
-            *readied.arguments, values, velocity, sent.rates, sent.major, allowed, out
+            readied.prepared, readied.mobility, values, velocity, sent.rates, sent.major,
+            allowed, room.out,
         )
-        # Before any part of it is taken: what is given out stays as it is.
-        out.setflags(write=False)
-        return FirstCommand(readied.inverse, velocity, out, kind == 2) if kind else None
+        return FirstCommand(room, readied, velocity, kind == 2) if kind else None
 
 
 class FirstCommand(NamedTuple):
@@ -119,42 +191,41 @@ class FirstCommand(NamedTuple):
 
     Attributes
     ----------
-    inverse : TaskInverse
+    room : Room
+        The rates of all actuators, the platform's twist, and what else the compiled path has
+        written.
+    readied : Readied
+        What it was made of.
     velocity : (l,) array
         What was asked for.
-    out : array
-        As the compiled path has written it.
     under_way : bool
         Whether more are to follow until it is what it is to be.
     """
 
-    inverse: TaskInverse
+    room: Room
+    readied: Readied
     velocity: FloatArray
-    out: FloatArray
     under_way: bool
-
-    @property
-    def motion(self) -> tuple[FloatArray, FloatArray]:
-        """Rates of all actuators, (N,), and the platform's twist, (6,)."""
-        count = len(self.inverse.kinematics.mapping)
-        return self.out[:count], self.out[count : count + 6]
 
     def limited(self) -> LimitedRate:
         """Return what the command is made of."""
-        inverse = self.inverse
-        mobility = inverse.kinematics.mobility
-        begin = len(self.out) - 2 - 2 * mobility
-        major = self.out[begin : begin + mobility]
-        secondary = self.out[begin + mobility : begin + 2 * mobility]
+        inverse, mobility = self.readied.inverse, self.readied.mobility
+        out, rates, twist = self.room
+        begin = len(rates) + len(twist)
+        major, secondary = np.split(out[begin : begin + 2 * mobility], 2)
+        for part in (major, secondary):
+            part.setflags(write=False)
         resolved = ResolvedRate(
             inverse.kinematics, self.velocity, major, secondary, inverse.rank,
             inverse.transmission,
         )
-        rates, twist = self.motion
         resolved.__dict__.update(rates=rates, twist=twist)
         return LimitedRate(resolved, 1.0, 1.0, ())
 
     def begun(self) -> Begun:
         """Return how it begins."""
-        jump = Jump(*self.out[-2:].tolist())
-        return Begun(self.inverse.kinematics.mobility, self.under_way, jump)
+        mobility = self.readied.mobility
+        out, rates, twist = self.room
+        begin = len(rates) + len(twist) + 2 * mobility
+        jump = Jump(*out[begin : begin + 2].tolist())
+        return Begun(mobility, self.under_way, jump)

@@ -20,6 +20,9 @@ class State(str, Enum):
     STOPPED = 'stopped'
 
 
+_MOVING = (State.NOMINAL, State.DEGRADED)
+
+
 @dataclass(frozen=True)
 class Conditions:
     """What holds in one cycle, each as the reason for it; empty: it does not hold.
@@ -54,7 +57,7 @@ class Decision(NamedTuple):
     @property
     def moves(self) -> bool:
         """Whether the mechanism may move."""
-        return self.state in (State.NOMINAL, State.DEGRADED)
+        return self.state in _MOVING
 
 
 class StateMachine:

@@ -77,6 +77,7 @@ class Statement(NamedTuple):
         return f'{self.target} ({self.mode.value if self.mode else self.word})'
 
 
+_WORDS = {mode.value: mode for mode in FailureMode}
 _SEVERITY = (FailureMode.NONE, FailureMode.TORQUE, FailureMode.POSITION, FailureMode.HARD, None)
 
 
@@ -149,8 +150,37 @@ def report_of(
         if is_foreign(hardware_id, prefix):
             return None
         target = target_of(hardware_id, prefix, names)
+        hardware_id = clean(hardware_id)
     word = clean(mode.strip(), LONGEST_WORD)
-    return Report((clean(name), clean(hardware_id)), target, word, level, stamp)
+    return Report((clean(name), hardware_id), target, word, level, stamp)
+
+
+def taken_at_its_word(report: Report, parts: Collection[str]) -> Statement | None:
+    """Return what a report states if there is nothing to be said about it; else ask `understood`.
+
+    That is what a report comes to which is written as it should be.
+
+    Parameters
+    ----------
+    report : Report
+    parts : collection of str
+        Actuators and struts that may fail in every mode, see `of_every_mode`.
+    """
+    mode = _WORDS.get(report.mode)
+    target = report.target
+    if mode is None or target is None or target not in parts:
+        return None
+    if report.level == (OK if mode is FailureMode.NONE else ERROR):
+        return Statement(target, mode, report.mode)
+    return None
+
+
+def of_every_mode(mechanism: Mechanism) -> frozenset[str]:
+    """Return the names of the actuators and struts that may fail in every mode."""
+    if not mechanism.struts:
+        return frozenset()
+    driven = (actuator.strut for actuator in mechanism.actuators)
+    return frozenset((*mechanism.actuator_names, *driven))
 
 
 def understood(

@@ -126,10 +126,10 @@ class Situation:
         failures: FailureSet,
         sent: Sent,
         allowed: float,
-    ) -> tuple[FirstCommand, str] | None:
-        """Return the first command with new failures the short way, and the verdict on them.
+    ) -> FirstCommand | None:
+        """Return the first command with new failures the short way; None where it is not open.
 
-        None where it is not open. Parameters are those of `Onset.command`; see `catch_up`.
+        Parameters are those of `Onset.command`; see `catch_up`.
         """
         last = self.assessment
         if last is None or last.post.failures == failures or self.obstacle:
@@ -139,10 +139,9 @@ class Situation:
             return None
         read = without_lost(self._mechanism, values, failures)
         first = self._onset.command(found.readied, read, velocity, sent, allowed)
-        if first is None:
-            return None
-        self._first = first, found
-        return first, found.assessment.post.verdict.reason
+        if first is not None:
+            self._first = first, found
+        return first
 
     def catch_up(self) -> Followed | None:
         """Take over what a first command was made of; None if there was none since."""
@@ -150,7 +149,8 @@ class Situation:
             return None
         (first, found), self._first = self._first, None
         followed = Followed(
-            found.prospect, first.inverse, first.limited(), None, found.exact, first.begun()
+            found.prospect, first.readied.inverse, first.limited(), None, found.exact,
+            first.begun(),
         )
         self._adopt(followed)
         self.assessed_by, self.outdated = 'anticipated', not followed.exact
@@ -226,7 +226,7 @@ class Situation:
         last = self.assessment
         if last is None or last.post.failures == failures:
             return None
-        return self._table.found(values, failures, last.post.nominal.mobility)
+        return self._table.found(values, failures, last.post.nominal)
 
     def _is_settled(self) -> bool:
         """Return whether there is nothing against going on from the newest assessment."""

@@ -252,14 +252,13 @@ class Supervisor:
         sent, failures = self._transition.sent, self.failures
         if sent is None or not (failures and self.settings.recovery):
             return None
-        found = self._situation.first_command(
+        first = self._situation.first_command(
             values, self._asked(now), failures, sent, self._transition.allowed(now)
         )
-        if found is None:
+        if first is None:
             return None
         self._unseen = values
-        first, verdict = found
-        return Command(*first.motion, Decision(State.DEGRADED, verdict), now, None)
+        return Command(first.room.rates, first.room.twist, first.readied.decision, now, None)
 
     def _cycle(self, now: float) -> Command:
         values, situation = self._readings.value, self._situation

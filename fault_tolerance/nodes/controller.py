@@ -150,8 +150,8 @@ class Controller(Node):
             now = self._line.now()
             update = self._supervisor.reports(batch.reports, now)
             if update.changed:
-                self._teller.report_stamp = batch.stamp
                 self._cycle(now)
+                self._teller.report_stamp = batch.stamp
                 self._health.count(f'failures_{self._supervisor.assessed_by}')
             for notice in update.notices:
                 self._health.remark(notice)

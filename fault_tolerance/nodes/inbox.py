@@ -8,6 +8,9 @@ everybody. Messages that cannot hold a failure report are left aside unread, rep
 that name a part of this mechanism come first; the others could only be mistakes, to be told of.
 And all decoding together may take no more than a share of the time. A failure does not queue
 behind good news: what says that parts are healthy will be said again, and makes room.
+
+All this is for floods. In quiet times a short message is read as it comes: every look at it
+first, and be it only a search for the names, would take as long as to read it.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable
+from math import inf
 
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY
 
@@ -33,6 +37,12 @@ that the machine was busy, must not keep a failure waiting for ten times as long
 
 RESERVE = 0.25 * BURST
 """Seconds of that which are kept for failures, however much else there is to read."""
+
+QUIET = 0.02
+"""Seconds without any diagnostics after which a message is read as it comes."""
+
+SHORT = 1024
+"""Bytes it may have."""
 
 _KEY = FAILURE_MODE_KEY.encode()
 _MOST_WAITING = 64
@@ -67,12 +77,20 @@ class ReportInbox:
         self._failures: deque[bytes] = deque()
         self._others: deque[bytes] = deque()
         self._foreign: deque[bytes] = deque(maxlen=_MOST_FOREIGN)
+        self._at_once: bytes | None = None
+        self._heard = -inf
         self._credit = BURST
         self._renewed = 0.0
         self._seen: dict[int, float] = {}
 
     def put(self, message: bytes, now: float) -> None:
         """Take a message, unless it is of no interest or a repeat."""
+        quiet, self._heard = now - self._heard > QUIET, now
+        if quiet and len(message) <= SHORT and not (
+            self._failures or self._others or self._at_once
+        ):
+            self._at_once = message
+            return
         if _KEY not in message:
             return
         if len(message) > MOST_BYTES:
@@ -100,6 +118,9 @@ class ReportInbox:
 
     def next(self, now: float) -> bytes | None:
         """Return a message to decode, or None: there is none, or no time for one yet."""
+        if self._at_once is not None:
+            message, self._at_once = self._at_once, None
+            return message
         if not (self._failures or self._others or self._foreign):
             return None
         credit = self._renewed_credit(now)

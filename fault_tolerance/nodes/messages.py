@@ -42,13 +42,13 @@ _LEVELS = (
 _NANOSECONDS = 1_000_000_000
 
 
-class StatusValues(NamedTuple):
-    """The parts of a diagnostic status that failure reports are made of."""
+class StatusMode(NamedTuple):
+    """A failure mode in a diagnostic status, and what else a failure report is made of."""
 
     name: str
     hardware_id: str
     level: int
-    modes: tuple[str, ...]
+    mode: str
 
 
 def nanoseconds_from_msg(stamp: Time) -> int:
@@ -161,13 +161,13 @@ def diagnostics_to_msg(stamp: Time, statuses: Iterable[DiagnosticStatus]) -> Dia
     return DiagnosticArray(header=Header(stamp=stamp), status=list(statuses))
 
 
-def statuses_from_msg(message: DiagnosticArray) -> Iterator[StatusValues]:
-    """Yield the statuses that carry a failure mode (any number of them: all are kept)."""
+def modes_from_msg(message: DiagnosticArray) -> Iterator[StatusMode]:
+    """Yield the failure modes in all statuses (where one has several, all of them)."""
     for status in message.status:
-        modes = tuple(pair.value for pair in status.values if pair.key == FAILURE_MODE_KEY)
-        if modes:
-            level = int.from_bytes(status.level, 'little')
-            yield StatusValues(status.name, status.hardware_id, level, modes)
+        for pair in status.values:
+            if pair.key == FAILURE_MODE_KEY:
+                level = int.from_bytes(status.level, 'little')
+                yield StatusMode(status.name, status.hardware_id, level, pair.value)
 
 
 def decimal(value: float) -> str:

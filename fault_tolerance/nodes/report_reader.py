@@ -16,16 +16,22 @@ from fault_tolerance.control.reports import Report, report_of
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.inbox import ReportInbox
-from fault_tolerance.nodes.messages import statuses_from_msg
-from fault_tolerance.nodes.serialised_diagnostics import StampedStatuses, statuses_in
+from fault_tolerance.nodes.messages import modes_from_msg
+from fault_tolerance.nodes.serialised_diagnostics import StampedModes, modes_in
 from fault_tolerance.nodes.timeline import TimeLine
 
 
 class Batch(NamedTuple):
-    """The failure reports of one message, and its stamp (or the time of receipt) as text."""
+    """The failure reports of one message, and its stamp (or the time of receipt)."""
 
-    reports: tuple[Report, ...]
-    stamp: str
+    reports: list[Report]
+    sec: int
+    nanosec: int
+
+    @property
+    def stamp(self) -> str:
+        """The stamp as text."""
+        return f'{self.sec}.{self.nanosec:09d}'
 
 
 class ReportReader:
@@ -51,7 +57,7 @@ class ReportReader:
         self._inbox = ReportInbox(self._names)
         # The first message takes long, as code is loaded for it: so that is not a failure report.
         first = serialize_message(DiagnosticArray(status=[DiagnosticStatus()]))
-        statuses_in(first)
+        modes_in(first)
         _decoded(first)
 
     def put(self, raw: bytes) -> None:
@@ -74,7 +80,7 @@ class ReportReader:
         begin = self._line.now()
         while (raw := self._inbox.next(begin)) is not None:
             try:
-                found = statuses_in(raw) or _decoded(raw)
+                found = modes_in(raw) or _decoded(raw)
             except Exception as error:  # the middleware's own, for bytes that are no such message
                 text = f'diagnostics that cannot be decoded: {error}'
                 self._health.remark(Notice('undecodable', text))
@@ -86,22 +92,18 @@ class ReportReader:
             self._inbox.spent(end - begin)
             begin = end
 
-    def _batch(self, message: StampedStatuses) -> Batch:
+    def _batch(self, message: StampedModes) -> Batch:
         placed = self._line.placed(message)
         stamp = message if placed is not None else self._line.stamp()
         reports = []
-        for status in message.statuses:
-            for mode in status.modes:
-                report = report_of(
-                    status.name, status.hardware_id, status.level, mode, placed,
-                    prefix=self._prefix, names=self._names,
-                )
-                if report is not None:
-                    reports.append(report)
-        return Batch(tuple(reports), f'{stamp.sec}.{stamp.nanosec:09d}')
+        for mode in message.modes:
+            report = report_of(*mode, placed, prefix=self._prefix, names=self._names)
+            if report is not None:
+                reports.append(report)
+        return Batch(reports, stamp.sec, stamp.nanosec)
 
 
-def _decoded(raw: bytes) -> StampedStatuses:
+def _decoded(raw: bytes) -> StampedModes:
     message = deserialize_message(raw, DiagnosticArray)
     stamp = message.header.stamp
-    return StampedStatuses(stamp.sec, stamp.nanosec, tuple(statuses_from_msg(message)))
+    return StampedModes(stamp.sec, stamp.nanosec, list(modes_from_msg(message)))

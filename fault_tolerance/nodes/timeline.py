@@ -15,10 +15,8 @@ from builtin_interfaces.msg import Time
 from rclpy.clock import JumpThreshold, ROSClock
 from rclpy.duration import Duration
 
-from fault_tolerance.nodes.messages import nanoseconds_from_msg
-
 # Reading two clocks one after the other is not exact; smaller differences are no news.
-_JITTER = 1_000_000
+_JITTER = 1e-3
 
 
 class TimeLine:
@@ -32,7 +30,7 @@ class TimeLine:
 
     def __init__(self, clock: ROSClock) -> None:
         self._clock = clock
-        self._offset = 0
+        self._offset = 0.0
         self._jumps: list[object] = []
         self._simulated = clock.ros_time_is_active
         threshold = JumpThreshold(min_forward=None, min_backward=None, on_clock_change=True)
@@ -73,10 +71,11 @@ class TimeLine:
 
     def placed(self, stamp: Time) -> float | None:
         """Return where a stamp lies, or None for zero, which says nothing."""
-        nanoseconds = nanoseconds_from_msg(stamp)
-        if nanoseconds == 0:
+        sec, nanosec = stamp.sec, stamp.nanosec
+        if not (sec or nanosec):
             return None
-        offset = self.wall() - time.monotonic_ns()
+        wall = self._clock.now().nanoseconds * 1e-9 if self._simulated else time.time()
+        offset = wall - time.monotonic()
         if abs(offset - self._offset) > _JITTER:
             self._offset = offset
-        return (nanoseconds - self._offset) * 1e-9
+        return float(sec + nanosec * 1e-9 - self._offset)

@@ -21,11 +21,11 @@ from fault_tolerance.nodes.messages import (
     diagnostics_to_msg,
     joint_state_to_msg,
     labelled_array_to_msg,
+    modes_from_msg,
     nanoseconds_from_msg,
     pose_from_msg,
     pose_to_msg,
     status_to_msg,
-    statuses_from_msg,
     twist_from_msg,
     twist_to_msg,
     vector_to_msg,
@@ -124,22 +124,20 @@ def test_a_status_comes_back(level, constant):
     status = status_to_msg('node: part', 'part', level, 'text', {'failure_mode': 'torque'})
     message = sent(diagnostics_to_msg(STAMP, [status]))
     assert message.status[0].level == constant
-    (values,) = statuses_from_msg(message)
-    assert (values.name, values.hardware_id) == ('node: part', 'part')
-    assert (values.level, values.modes) == (level, ('torque',))
+    assert list(modes_from_msg(message)) == [('node: part', 'part', level, 'torque')]
 
 
 def test_a_status_without_a_failure_mode_is_nobodys_report():
     message = DiagnosticArray(
         status=[DiagnosticStatus(values=[KeyValue(key='voltage', value='5')]), DiagnosticStatus()]
     )
-    assert list(statuses_from_msg(message)) == []
+    assert list(modes_from_msg(message)) == []
 
 
 def test_all_modes_of_a_status_that_has_several_are_kept():
     pairs = [KeyValue(key='failure_mode', value=mode) for mode in ('torque', 'position')]
-    (values,) = statuses_from_msg(DiagnosticArray(status=[DiagnosticStatus(values=pairs)]))
-    assert values.modes == ('torque', 'position')
+    found = modes_from_msg(DiagnosticArray(status=[DiagnosticStatus(values=pairs)]))
+    assert [one.mode for one in found] == ['torque', 'position']
 
 
 @pytest.mark.parametrize(

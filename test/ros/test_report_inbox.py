@@ -10,7 +10,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import serialize_message
 
-from fault_tolerance.nodes.inbox import BURST, DEBT, MOST_BYTES, SHARE, ReportInbox
+from fault_tolerance.nodes.inbox import BURST, DEBT, MOST_BYTES, QUIET, SHARE, SHORT, ReportInbox
 
 NAMES = ('theta_1', 'strut_1')
 
@@ -29,18 +29,57 @@ def drained(inbox: ReportInbox, now: float = 0.0, cost: float = 0.0) -> list[byt
     return found
 
 
-def test_what_cannot_be_a_report_is_left_aside():
+def unquiet(now: float = 0.0) -> ReportInbox:
+    """Return one that has just heard something."""
     inbox = ReportInbox(NAMES)
+    inbox.put(b'the first of many', now)
+    assert inbox.next(now) == b'the first of many'
+    return inbox
+
+
+def test_in_quiet_times_a_message_is_read_as_it_comes():
+    inbox = ReportInbox(NAMES)
+    for number, text in enumerate((b'battery 12 V', report('a'), report('a'), report('b', 'x'))):
+        now = 1.01 * QUIET * number
+        inbox.put(text, now)
+        assert inbox.next(now) == text
+        assert inbox.next(now) is None
+    # Too soon after the last, and it says nothing of failures.
+    inbox.put(b'battery 12 V', now + 0.99 * QUIET)
+    assert drained(inbox, now + 0.99 * QUIET) == []
+
+
+def test_a_long_message_is_looked_at_first():
+    inbox = ReportInbox(NAMES)
+    inbox.put(b'x' * (SHORT + 1), 0.0)
+    assert drained(inbox) == []
+    inbox.put(b'x' * SHORT, 1.0)
+    assert drained(inbox, 1.0) == [b'x' * SHORT]
+
+
+def test_what_waits_comes_before_what_is_read_as_it_comes():
+    inbox = unquiet()
+    inbox.spent(1.0)
+    inbox.put(report('a'), 0.0)
+    assert inbox.next(0.0) is None
+    inbox.put(report('b'), 10.0)
+    assert drained(inbox, 10.0) == [report('a'), report('b')]
+
+
+def test_what_cannot_be_a_report_is_left_aside():
+    inbox = unquiet()
     inbox.put(b'battery of theta_1 12 V', 0.0)
     assert drained(inbox) == []
     assert inbox.dropped == 0
 
 
 def test_a_repeat_is_left_aside_for_half_a_second():
-    inbox = ReportInbox(NAMES)
+    inbox, found = unquiet(-0.001), []
     for now in (0.0, 0.1, 0.4, 0.6):
+        inbox.put(report('noise', 'wheel_1'), now - 0.001)
         inbox.put(report('a'), now)
-    assert drained(inbox) == [report('a'), report('a')]
+        found += drained(inbox, now)
+    assert found.count(report('a')) == 2
 
 
 def test_a_repeat_is_news_after_something_changed():
@@ -84,7 +123,7 @@ def test_a_flood_is_bounded_and_counted():
 
 
 def test_what_names_no_part_of_ours_keeps_nothing_of_ours_waiting():
-    inbox = ReportInbox(NAMES)
+    inbox = unquiet()
     for number in range(1000):
         inbox.put(report(str(number), 'wheel_1'), 0.0)
     inbox.put(report('ours', 'strut_1'), 0.0)

@@ -13,8 +13,8 @@ from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.nodes import commanding
 from fault_tolerance.nodes.commanding import SerialisedArray, SerialisedTwist
-from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, statuses_from_msg, twist_from_msg
-from fault_tolerance.nodes.serialised_diagnostics import statuses_in
+from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, modes_from_msg, twist_from_msg
+from fault_tolerance.nodes.serialised_diagnostics import modes_in
 
 TEXT = st.text(st.characters(exclude_characters='\0', exclude_categories=['Cs']), max_size=9)
 PAIRS = st.lists(st.tuples(st.just(FAILURE_MODE_KEY) | TEXT, TEXT), max_size=4)
@@ -40,9 +40,9 @@ def message(statuses, frame='', sec=12, nanosec=34):
 @given(STATUSES, TEXT, st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1))
 def test_failure_modes_are_read_as_the_middleware_reads_them(statuses, frame, sec, nanosec):
     told = message(statuses, frame, sec, nanosec)
-    found = statuses_in(serialize_message(told))
+    found = modes_in(serialize_message(told))
     assert (found.sec, found.nanosec) == (sec, nanosec)
-    assert list(found.statuses) == list(statuses_from_msg(told))
+    assert list(found.modes) == list(modes_from_msg(told))
 
 
 ONE = message([('drive', 'text', 'theta_4', b'\2', [(FAILURE_MODE_KEY, 'position')])])
@@ -54,20 +54,20 @@ def test_bytes_that_are_no_message_do_no_harm(data):
     raw = bytearray(serialize_message(ONE))
     for _ in range(data.draw(st.integers(1, 3))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
-    found = statuses_in(bytes(raw[: data.draw(st.integers(0, len(raw)))]))
-    for status in found.statuses if found else ():
-        assert isinstance(status.name, str)
-        assert status.modes
+    found = modes_in(bytes(raw[: data.draw(st.integers(0, len(raw)))]))
+    for name, hardware_id, level, mode in found.modes if found else ():
+        assert isinstance(name + hardware_id + mode, str)
+        assert 0 <= level < 256
 
 
 @pytest.mark.parametrize('cut', range(4, 60, 7))
 def test_a_message_cut_short_is_left_to_the_middleware(cut):
-    assert statuses_in(serialize_message(ONE)[:-cut]) is None
+    assert modes_in(serialize_message(ONE)[:-cut]) is None
 
 
 def test_another_encoding_is_left_to_the_middleware():
     raw = serialize_message(ONE)
-    assert statuses_in(b'\0\0' + raw[2:]) is None
+    assert modes_in(b'\0\0' + raw[2:]) is None
 
 
 @pytest.mark.parametrize('count', [1, 4, 7, 1000])

@@ -134,6 +134,27 @@ def test_through_failures_and_back(kernels, taken, name, acceleration):
     assert taken['first'] or name in ('fsm_3_strut', 'gough_stewart_6')
 
 
+def test_a_first_command_stays_as_it_was_given(kernels, taken):
+    """Also when what had been anticipated is used once more, for other velocities."""
+    mechanism = named('mirror_4_strut')
+    both = Both(mechanism, kernels)
+    values = path(mechanism, size=0.01, count=2)[1]
+    given = []
+    for factor in (1.0, -2.0, 3.0):
+        both.move(values, factor * np.array([1e-3, 7e-4, 0.0]))
+        if factor == 1.0:
+            both.anticipate()
+        found = both.report('position', 'theta_4')
+        given.append((found, found.rates.copy(), found.achieved.copy()))
+        both.report('none', 'theta_4')
+    assert taken['first'] == 3
+    for found, rates, achieved in given:
+        np.testing.assert_array_equal(found.rates, rates)
+        np.testing.assert_array_equal(found.achieved, achieved)
+        assert found.rates[3] == 0.0
+        assert found.rates.any()
+
+
 @pytest.mark.parametrize('name', ['mirror_4_strut', 'gough_stewart_8'])
 @pytest.mark.parametrize('seed', range(15))
 def test_whatever_comes(kernels, name, seed):

@@ -13,11 +13,13 @@ from fault_tolerance.control.reports import (
     WARN,
     Report,
     is_foreign,
+    of_every_mode,
     report_of,
+    taken_at_its_word,
     target_of,
     understood,
 )
-from fault_tolerance.kinematics.failures import FailureMode
+from fault_tolerance.kinematics.failures import FailureMode, mode_words
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 MECHANISM = mechanism_named('fsm_4_strut')
@@ -163,3 +165,23 @@ def test_a_hard_failure_of_a_mechanism_without_struts_is_refused():
     mechanism = made(by_numbers())
     assert stated('lost', mechanism=mechanism) == (None, ['refused_mode'])
     assert stated('stuck', mechanism=mechanism)[0].mode is FailureMode.POSITION
+
+
+@pytest.mark.parametrize('name', ['fsm_4_strut', 'fsm_overactuated', 'planar_4rpr', 'by numbers'])
+def test_what_is_taken_at_its_word_is_understood_so_and_without_remark(name):
+    """Also of struts without a drive, and where no strut can be lost."""
+    mechanism = made(by_numbers()) if name == 'by numbers' else mechanism_named(name)
+    parts, taken = of_every_mode(mechanism), 0
+    words = (*mode_words(), ' position', 'Hard', 'melted', '')
+    for target in (*mechanism.actuator_names, *mechanism.strut_names, 'nobody', None):
+        for word in words:
+            for level in range(6):
+                report = Report(('drive', str(target)), target, word, level)
+                statement = taken_at_its_word(report, parts)
+                if statement is not None:
+                    taken += 1
+                    told = understood(report, mechanism, stop_on_unknown_mode=True)
+                    assert told == (statement, ())
+    # Three failures at ERROR and health at OK, written as they should be.
+    assert taken == 4 * len(parts)
+    assert set(mechanism.actuator_names) <= parts or not mechanism.struts
