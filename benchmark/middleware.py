@@ -23,7 +23,14 @@ from std_msgs.msg import Float64MultiArray
 
 from benchmark.echo import ARRAY, JOINT_STATE, NEWEST, topics
 from benchmark.motion import circle
-from benchmark.names import ARRAY_ECHO, COMMAND, FAILURE, JOINT_STATE_ECHO, RELEASE
+from benchmark.names import (
+    ARRAY_ECHO,
+    COMMAND,
+    FAILURE,
+    JOINT_STATE_ECHO,
+    RELEASE,
+    RESTED_ECHO,
+)
 from benchmark.prober import (
     LostAnswer,
     Mailbox,
@@ -52,10 +59,12 @@ REPORT_EVERY = 3
 """Rounds; what takes long is asked for less often."""
 
 _BURST = 400
+_ECHOES = (JOINT_STATE, ARRAY, 'rested')
 NAMES = {
     JOINT_STATE: JOINT_STATE_ECHO,
     ARRAY: ARRAY_ECHO,
     'command': COMMAND,
+    'rested': RESTED_ECHO,
     'report': FAILURE,
     'release': RELEASE,
 }
@@ -188,7 +197,7 @@ def run(
             for values in samples.values():
                 values.append([])
             for kind, ask in _turns(conversation, rounds):
-                prober.rest(SETTLING if kind in ('report', 'release') else 0.0)
+                prober.rest(SETTLING if kind in ('rested', 'report', 'release') else 0.0)
                 conversation.refresh()
                 prober.rest(SPACING)
                 try:
@@ -202,8 +211,8 @@ def run(
     return [
         row(
             NAMES[name], values,
-            mechanism=mechanism if name not in (JOINT_STATE, ARRAY) else '',
-            struts=struts if name not in (JOINT_STATE, ARRAY) else 0,
+            mechanism='' if name in _ECHOES else mechanism,
+            struts=0 if name in _ECHOES else struts,
             note=f'{rounds} a repeat, round trip between two processes, {kind}',
             lost=lost[name],
             **({'cpu_us': round(cpu[name], 1)} if name in cpu else {}),
@@ -236,6 +245,7 @@ def _turns(
             (JOINT_STATE, conversation.joint_state_echo),
             (ARRAY, conversation.array_echo),
             ('command', conversation.command),
+            ('rested', conversation.array_echo),
             ('report', lambda actuator=actuator: conversation.failure(actuator, 'position')),
             ('release', lambda actuator=actuator: conversation.failure(actuator, 'none')),
         ]

@@ -5,6 +5,7 @@
 
 JOINT_STATE_ECHO = 'echo of a joint state'
 ARRAY_ECHO = 'echo of an array'
+RESTED_ECHO = 'echo of an array, after the pause before a report'
 COMMAND = 'joint state -> command'
 FAILURE = 'failure report -> first new command'
 RELEASE = 'release -> first new command'

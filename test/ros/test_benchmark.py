@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROWS = {
     'echo of a joint state', 'echo of an array', 'joint state -> command',
     'failure report -> first new command', 'release -> first new command',
+    'echo of an array, after the pause before a report',
 }
 
 
