@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from fault_tolerance.control.recovery import State
+from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.nodes.commanding import CommandPublisher
 from fault_tolerance.nodes.controller import LATE, Controller
 from fault_tolerance.nodes.health import Health
@@ -97,6 +98,20 @@ def test_a_command_goes_out_before_anything_is_told(node, told):
     told.clear()
     node._on_joint_state(joint_state(node))
     assert told == ['command']
+
+
+def test_the_processor_is_yielded_when_the_command_is_out_and_before_all_else(
+    node, told, monkeypatch
+):
+    """Who hears the command may be waiting for this very processor."""
+    settled = Supervisor.settled
+    monkeypatch.setattr(os, 'sched_yield', lambda: told.append('yield'))
+    monkeypatch.setattr(Supervisor, 'settled', lambda self: told.append('rest') or settled(self))
+    node._on_joint_state(joint_state(node))
+    told.clear()
+    node._on_diagnostics(report(node))
+    node._on_joint_state(joint_state(node))
+    assert told == ['command', 'yield', 'rest', 'warning', 'command', 'yield', 'rest']
 
 
 def test_without_a_moments_rest_the_watchdog_tells(node, told):
