@@ -31,9 +31,9 @@ from fault_tolerance.tolerances import CLOSURE_TOLERANCE
 
 SHIPPED = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated', 'mirror_4_strut',
            'mirror_overactuated', 'gough_stewart_6', 'gough_stewart_8', 'planar_4rpr')
-CERTAIN = 0.1
+CERTAIN = 0.01
 """Motions up to this size bring no strut near its own singularity, from where the definition is
-taken; larger ones may."""
+taken; larger ones may (0.03 sometimes does with a strut of ``rooted_hexapod``)."""
 REGULAR = (*SHIPPED, 'uneven_mirror', 'hexapod_8', 'guided_mirror', 'rooted_hexapod',
            'tipped_platform', 'one_drive', 'bennett')
 ELSEWHERE = ('spinning_hexapod', 'serial_7r', 'two_stage_mirror', 'two_stage_hexapod')
