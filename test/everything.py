@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
-The tests of running nodes measure time, so nothing runs beside them. They run twice: with the
-fields of messages checked and commands by numpy (but for those marked ``once``), and as users run
-the nodes. Before that the others run, some processes at once.
+The tests of running nodes run twice: with the fields of messages checked and commands by numpy
+(but for those marked ``once``), and then as users run the nodes. They measure time, so the second
+time nothing runs beside them, and the first time what gives way to everything.
 Every part must pass, and none may be empty.
 """
 
@@ -113,14 +113,14 @@ def main(arguments: list[str]) -> int:
         ]
         try:
             count = Part(folder / 'others.xml', [*others, *arguments]).ended()
+            first = [name for name in nodes if name.endswith('/ros')]
+            count += Part(folder / 'checked.xml', [*first, '-m', 'not once', *arguments],
+                          ROS_PYTHON_CHECK_FIELDS='1', FAULT_TOLERANCE_COMPILED='0').ended()
             for part in beside:
                 count += part.ended()
         finally:
             for part in beside:
                 part.end()
-        first = [name for name in nodes if name.endswith('/ros')]
-        count += Part(folder / 'checked.xml', [*first, '-m', 'not once', *arguments],
-                      ROS_PYTHON_CHECK_FIELDS='1', FAULT_TOLERANCE_COMPILED='0').ended()
         count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
     told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')
                      if (number := count[name]))

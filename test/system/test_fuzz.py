@@ -133,6 +133,8 @@ class Bench:
         begin = self.plant.stamp()
 
         def later() -> bool:
+            if not self.probe.metrics:
+                return False
             stamp = self.probe.metrics[-1].header.stamp
             return (stamp.sec, stamp.nanosec) > (begin.sec, begin.nanosec)
 
