@@ -24,8 +24,11 @@ NODES = ('ros', 'launch')
 """Folders whose tests measure how running nodes behave in time; all others are found."""
 
 BESIDE = ('core',)
-"""Folders of the others that need no nodes either: they give way to the rest of them. Each is
-taken in two parts, which run side by side."""
+"""Folders of the others that need no nodes either: they give way to all that runs beside them."""
+
+PARTS = 4
+"""In so many these are taken at once: more than there are processors, so that all have work to
+the end."""
 
 
 def folders() -> tuple[list[str], list[list[str]], list[str]]:
@@ -33,14 +36,25 @@ def folders() -> tuple[list[str], list[list[str]], list[str]]:
     found = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
     nodes = [f'{HERE.name}/{name}' for name in NODES if name in found]
     rest = [f'{HERE.name}/{name}' for name in found if name not in (*NODES, *BESIDE)]
-    inside = sorted(
-        f'{HERE.name}/{path.relative_to(HERE)}'
-        for name in BESIDE
-        for path in (HERE / name).iterdir()
-        if path.name.startswith('test_') or (path.is_dir() and any(path.rglob('test_*.py')))
-    )
-    # Every other one: what takes long is spread over both.
-    return nodes, [part for part in (inside[::2], inside[1::2]) if part], rest
+    return nodes, _parts(), rest
+
+
+def _parts() -> list[list[str]]:
+    """Return what is run in the background in parts of about the same length of text."""
+    lengths = Counter({
+        f'{HERE.name}/{path.relative_to(HERE)}': length
+        for name in BESIDE if (HERE / name).is_dir()
+        for path in sorted((HERE / name).iterdir())
+        if (length := sum(
+            file.stat().st_size for file in (path, *path.rglob('*'))
+            if file.name.startswith('test_') and file.suffix == '.py'
+        ))
+    })
+    parts: list[tuple[int, list[str]]] = [(0, []) for _ in range(PARTS)]
+    for name, length in lengths.most_common():
+        least, names = min(parts)
+        parts[parts.index((least, names))] = least + length, [*names, name]
+    return [sorted(names) for _, names in parts if names]
 
 
 def give_way() -> None:
