@@ -23,7 +23,7 @@ from fault_tolerance.control.recovery import Decision, State
 from fault_tolerance.control.resolved_rate import SINGULAR_BELOW, ResolvedRate, TaskInverse
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Begun, Jump, Sent
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, frozen
 from fault_tolerance.mechanism.description import Mechanism
 
 
@@ -45,10 +45,7 @@ class Room(NamedTuple):
     def of(cls, size: int, drives: int) -> Room:
         """Return room for ``size`` numbers."""
         out = np.zeros(size)
-        rates, twist = out[:drives], out[drives : drives + 6]
-        for view in (rates, twist):
-            view.setflags(write=False)
-        return cls(out, rates, twist)
+        return cls(out, frozen(out[:drives]), frozen(out[drives : drives + 6]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +209,7 @@ class FirstCommand(NamedTuple):
         inverse, mobility = self.readied.inverse, self.readied.mobility
         out, rates, twist = self.room
         begin = len(rates) + len(twist)
-        major, secondary = np.split(out[begin : begin + 2 * mobility], 2)
-        for part in (major, secondary):
-            part.setflags(write=False)
+        major, secondary = np.split(frozen(out[begin : begin + 2 * mobility]), 2)
         resolved = ResolvedRate(
             inverse.kinematics, self.velocity, major, secondary, inverse.rank,
             inverse.transmission,

@@ -27,7 +27,7 @@ from fault_tolerance.compiled.activation import Active, Kernels
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.measures import CONDITION_CAP
 from fault_tolerance.kinematics.subspaces import rank_of
-from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import COORDINATES, Task
 
@@ -72,22 +72,22 @@ class ResolvedRate:
     @cached_property
     def reduced(self) -> FloatArray:
         """Reduced actuator rates, (n,)."""
-        return _frozen(self.major + self.secondary)
+        return frozen(self.major + self.secondary)
 
     @cached_property
     def rates(self) -> FloatArray:
         """Rates of all actuators in the mechanism's order, (N,); free ones as they follow."""
-        return _frozen(self.kinematics.rate_map.dot(self.reduced))
+        return frozen(self.kinematics.rate_map.dot(self.reduced))
 
     @cached_property
     def achieved(self) -> FloatArray:
         """The task velocity that the rates give, (l,)."""
-        return _frozen(self.kinematics.jacobian.dot(self.reduced))
+        return frozen(self.kinematics.jacobian.dot(self.reduced))
 
     @cached_property
     def residual(self) -> FloatArray:
         """What was asked for less what is achieved, (l,)."""
-        return _frozen(self.velocity - self.achieved)
+        return frozen(self.velocity - self.achieved)
 
     @cached_property
     def twist(self) -> FloatArray:
@@ -99,7 +99,7 @@ class ResolvedRate:
         if len(twist) != len(COORDINATES):
             twist = np.zeros(len(COORDINATES))
             twist[self.kinematics.task.rows] = self.achieved
-        return _frozen(twist)
+        return frozen(twist)
 
     @property
     def smallest_singular_value(self) -> float:
@@ -115,8 +115,8 @@ class ResolvedRate:
 
     def scaled(self, scale: float, secondary_scale: float = 1.0) -> ResolvedRate:
         """Return it with the secondary part, and then everything, multiplied by a factor."""
-        major = _frozen(scale * self.major)
-        secondary = _frozen((scale * secondary_scale) * self.secondary)
+        major = frozen(scale * self.major)
+        secondary = frozen((scale * secondary_scale) * self.secondary)
         return replace(self, major=major, secondary=secondary)
 
     @cached_property
@@ -165,8 +165,8 @@ class TaskInverse:
         return ResolvedRate(
             kinematics=self.kinematics,
             velocity=asked,
-            major=_frozen(self.major.dot(bounded)),
-            secondary=_frozen(self.secondary.dot(bounded)),
+            major=frozen(self.major.dot(bounded)),
+            secondary=frozen(self.secondary.dot(bounded)),
             rank=self.rank,
             transmission=self.transmission,
         )
@@ -248,7 +248,7 @@ class RateResolver:
         elif unit != 1.0:
             major, secondary = major / unit, secondary / unit
         smallest = values[-1] if len(values) == len(self._weights) else 0.0
-        return TaskInverse(kinematics, _frozen(major), _frozen(secondary), driven, smallest)
+        return TaskInverse(kinematics, frozen(major), frozen(secondary), driven, smallest)
 
 
     def _compiled(
@@ -261,7 +261,7 @@ class RateResolver:
         )
         sigma = decomposition[1]
         smallest = float(sigma[-1]) / unit if len(sigma) == len(self._weights) else 0.0
-        return TaskInverse(kinematics, _frozen(major), _frozen(secondary), driven, smallest)
+        return TaskInverse(kinematics, frozen(major), frozen(secondary), driven, smallest)
 
 
 def common(rate_scale: FloatArray | None) -> float | None:
@@ -330,8 +330,3 @@ def drive_coordinates(
 def _smallest(sigma: FloatArray, count: int) -> float:
     """Return the last of ``count`` singular values, 0 where there are fewer."""
     return float(sigma[-1]) if len(sigma) == count else 0.0
-
-
-def _frozen(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array

@@ -31,7 +31,7 @@ from fault_tolerance.control.situation import Situation
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import failures_in_words
-from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.description import Mechanism
 
 MOST_ERRORS = 3
@@ -283,8 +283,7 @@ class Supervisor:
             lambda target, within: self._transition.eased(target, within, self.failures, now),
         )
         # Adding zero turns the -0.0 of a resting drive into 0.0.
-        rates = limited.command.rates + 0.0
-        rates.setflags(write=False)
+        rates = frozen(limited.command.rates + 0.0)
         return Command(rates, limited.command.twist, decision, now, limited)
 
     def _conditions(self, stop: str, hold: str) -> Conditions:

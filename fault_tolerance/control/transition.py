@@ -24,7 +24,7 @@ from fault_tolerance.control.resolved_rate import (
     drive_coordinates,
 )
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, frozen
 from fault_tolerance.mechanism.linear_algebra import decomposed, length
 from fault_tolerance.mechanism.task import Task
 
@@ -241,7 +241,7 @@ class Transition:
             major, secondary = coordinates.dot(major), coordinates.dot(secondary)
         else:
             major, secondary = major / unit, secondary / unit
-        eased = within(replace(command, major=_frozen(major), secondary=_frozen(secondary)))
+        eased = within(replace(command, major=frozen(major), secondary=frozen(secondary)))
         # Limits may have bent the way: then it is no use.
         if self._jump(eased.command, sent).exceeds(self._jump(command, sent)):
             return target
@@ -257,8 +257,3 @@ class Transition:
         major = (self._twist_scale * command.achieved)[self._rows] - sent.major
         rates = self._rate_scale * (command.rates - sent.rates)
         return Jump(length(major), length(rates))
-
-
-def _frozen(array: FloatArray) -> FloatArray:
-    array.setflags(write=False)
-    return array

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one helper through which every stored array passes."""
+"""What every stored array passes through."""
 
 from __future__ import annotations
 
@@ -12,6 +12,12 @@ from fault_tolerance.errors import ArrayError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+
+
+def frozen(array: FloatArray) -> FloatArray:
+    """Return ``array`` itself, read-only from now on: for one that has just been made."""
+    array.setflags(write=False)
+    return array
 
 
 def frozen_array(
@@ -52,5 +58,4 @@ def frozen_array(
         raise ArrayError(name, f'has shape {array.shape}, expected {wanted_text}')
     if finite and not np.isfinite(array).all():
         raise ArrayError(name, 'holds a number that is not finite')
-    array.setflags(write=False)
-    return array
+    return frozen(array)
