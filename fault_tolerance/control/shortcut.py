@@ -37,10 +37,21 @@ from fault_tolerance.mechanism.following import closed_from, constant_part, way_
 from fault_tolerance.mechanism.steps import Closed, Steps
 from fault_tolerance.mechanism.tracking import FARTHEST, LAST_STEP
 
-# Places in `_Place`: the actuators' values, and what the next configuration starts from (pose,
-# joint values, openings, joints, structural rows, closing, drive rows, fit).
-_REACHED = 15
-_WAY_ON = (13, 14, 16, 17, 18, 28, 19, 29)
+# What a command gives, in the order in which it is written: the command itself, what
+# `fault_tolerance.compiled.resolving` and `following` return, and three numbers.
+_COMMANDED = 'rates', 'twist', 'major_part', 'secondary_part', 'major', 'secondary'
+_RESOLVED = (
+    'jacobian', 'mapping', 'twist_jacobian', 'rate_map', 'left', 'transmissions', 'right',
+)
+_FOLLOWED = (
+    'pose', 'joint_values', 'reached', 'openings', 'joints', 'structure', 'drives',
+    'structure_left', 'structure_sigma', 'structure_right', 'twists', 'free', 'turned', 'gains',
+    'mixed', 'closing', 'fit',
+)
+# What the next configuration starts from, in the order of `fault_tolerance.compiled.commanding`.
+_WAY_ON = (
+    'pose', 'joint_values', 'openings', 'joints', 'structure', 'closing', 'drives', 'fit',
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,31 +82,28 @@ class Followed:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """The arrays that one configuration gives, as parts of a single one, in this order.
+    """The arrays that one command gives, as parts of a single one."""
 
-    Rates, twist, both parts of the reduced rates, both parts of the inverse, the kinematics (7),
-    then what `fault_tolerance.compiled.following.follow` returns, and three numbers.
-    """
-
-    parts: tuple[tuple[int, int, tuple[int, ...] | None], ...]
+    parts: dict[str, tuple[int, int, tuple[int, ...] | None]]
     size: int
 
     @classmethod
     def of(cls, shapes: tuple[tuple[int, ...], ...]) -> _Place:
-        """Return room for arrays of ``shapes``."""
-        parts, end = [], 0
-        for shape in shapes:
+        """Return room for arrays of these shapes, one after the other."""
+        parts, end = {}, 0
+        names = (*_COMMANDED, *_RESOLVED, *_FOLLOWED, 'sizes')
+        for name, shape in zip(names, shapes, strict=True):
             begin, end = end, end + prod(shape)
-            parts.append((begin, end, shape if len(shape) > 1 else None))
-        return cls(tuple(parts), end)
+            parts[name] = begin, end, shape if len(shape) > 1 else None
+        return cls(parts, end)
 
-    def arrays(self, values: FloatArray) -> list[FloatArray]:
+    def arrays(self, values: FloatArray) -> dict[str, FloatArray]:
         """Return the parts of ``values``."""
-        return [self.one(values, number) for number in range(len(self.parts))]
+        return {name: self.one(values, name) for name in self.parts}
 
-    def one(self, values: FloatArray, number: int) -> FloatArray:
+    def one(self, values: FloatArray, name: str) -> FloatArray:
         """Return one part of ``values``."""
-        begin, end, shape = self.parts[number]
+        begin, end, shape = self.parts[name]
         return values[begin:end].reshape(shape) if shape else values[begin:end]
 
 
@@ -109,6 +117,7 @@ class _Constants:
     mechanism: Mechanism
     failures: FailureSet
     base: Closed
+    filling: FloatArray
     threshold: float
     unit: float
 
@@ -168,7 +177,7 @@ class Taken:
     @property
     def actuator_values(self) -> FloatArray:
         """Joint values of the actuators that close the loops, (N,)."""
-        return self._constants.place.one(self._out, _REACHED)
+        return self._constants.place.one(self._out, 'reached')
 
     @property
     def residual(self) -> FloatArray:
@@ -182,7 +191,7 @@ class Taken:
         """What the next command needs."""
         constants = self._constants
         place, out = constants.place, self._out
-        further = [place.one(out, number) for number in _WAY_ON]
+        further = [place.one(out, name) for name in _WAY_ON]
         return _Ready(constants, (*constants.arguments, *further))
 
     def assessed(self) -> Assessment:
@@ -196,14 +205,12 @@ class Taken:
         """All that was found on the way."""
         constants, values = self._constants, self._values
         mechanism, failures = constants.mechanism, constants.failures
-        (
-            rates, twist, major_part, secondary_part, major, secondary, jacobian, mapping,
-            twist_jacobian, rate_map, first, transmissions, second, *found, last,
-        ) = constants.place.arrays(self._out)
-        outside, along, looseness = last.tolist()
+        found = constants.place.arrays(self._out)
+        outside, along, looseness = found['sizes'].tolist()
         before = constants.base
         closed = closed_from(
-            before.state, before.attachment, before.kept, self._steps, found, (outside, along)
+            before.state, before.attachment, before.kept, self._steps,
+            [found[name] for name in _FOLLOWED], (outside, along),
         )
         configuration = configuration_from(mechanism, closed, values)
         rows = strut_rows(configuration)
@@ -211,7 +218,7 @@ class Taken:
             rows,
             failed_parts(mechanism, failures),
             closed.kept,
-            (jacobian, mapping, twist_jacobian, rate_map, first, transmissions, second),
+            tuple(found[name] for name in _RESOLVED),
         )
         post = PostFailure(rows, failures, kinematics)
         if not failures:
@@ -219,12 +226,15 @@ class Taken:
             post.__dict__['verdict'] = sound_verdict(kinematics)
         fit = Fit((values.tobytes(), failures.lost), configuration, rows)
         assessment = Assessment(configuration, post, constants.threshold)
-        transmission = float(transmissions[-1]) / constants.unit
-        inverse = TaskInverse(kinematics, major, secondary, self._driven, transmission)
-        resolved = ResolvedRate(
-            kinematics, self._velocity, major_part, secondary_part, self._driven, transmission
+        transmission = float(found['transmissions'][-1]) / constants.unit
+        inverse = TaskInverse(
+            kinematics, found['major'], found['secondary'], self._driven, transmission
         )
-        resolved.__dict__.update(rates=rates, twist=twist)
+        resolved = ResolvedRate(
+            kinematics, self._velocity, found['major_part'], found['secondary_part'],
+            self._driven, transmission,
+        )
+        resolved.__dict__.update(rates=self.rates, twist=self.twist)
         return Followed(
             Prospect(fit, assessment), inverse, LimitedRate(resolved, 1.0, 1.0, ()), looseness
         )
@@ -302,7 +312,7 @@ class Shortcut:
         assert regular is not None
         key = post.failures, id(regular), closed.kept, mobility
         known = self._constants
-        if known is not None and known.key == key and known.arguments[3] is regular.filling:
+        if known is not None and known.key == key and known.filling is regular.filling:
             return known
         mechanism, law, settings = self._mechanism, self._law, self._settings
         task, rows, length = mechanism.task, post.rows, mechanism.characteristic_length
@@ -338,7 +348,7 @@ class Shortcut:
             (6, gaps), (6, drives), (3,),
         ))
         self._constants = _Constants(
-            key, arguments, place, mechanism, post.failures, closed,
+            key, arguments, place, mechanism, post.failures, closed, regular.filling,
             settings.tolerance_threshold, float(rows.rate_scale[0]),
         )
         return self._constants
