@@ -55,6 +55,13 @@ def _own_domain() -> int:
 hypothesis.settings.register_profile('pipeline', derandomize=True)
 if os.environ.get('CI'):
     hypothesis.settings.load_profile('pipeline')
+# What gives way to everything else may well be slow.
+if os.environ.get('FAULT_TOLERANCE_PARTS') == '1':
+    hypothesis.settings.register_profile(
+        'background', hypothesis.settings(), deadline=None,
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    )
+    hypothesis.settings.load_profile('background')
 
 # Before anything imports rclpy; child processes inherit it.
 os.environ['ROS_DOMAIN_ID'] = str(_own_domain())

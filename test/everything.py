@@ -42,13 +42,13 @@ def folders() -> tuple[list[str], list[list[str]], list[str]]:
 def _parts() -> list[list[str]]:
     """Return what is run in the background in parts of about the same length of text."""
     lengths = Counter({
-        f'{HERE.name}/{path.relative_to(HERE)}': length
+        f'{HERE.name}/{path.relative_to(HERE)}': sum(file.stat().st_size for file in files)
         for name in BESIDE if (HERE / name).is_dir()
         for path in sorted((HERE / name).iterdir())
-        if (length := sum(
-            file.stat().st_size for file in (path, *path.rglob('*'))
+        if (files := [
+            file for file in (path, *path.rglob('*'))
             if file.name.startswith('test_') and file.suffix == '.py'
-        ))
+        ])
     })
     parts: list[tuple[int, list[str]]] = [(0, []) for _ in range(PARTS)]
     for name, length in lengths.most_common():

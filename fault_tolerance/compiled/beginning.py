@@ -6,9 +6,9 @@
 What `fault_tolerance.control.resolved_rate.TaskInverse.resolved` and
 `fault_tolerance.control.transition.Transition.eased` do, far from singularities and limits.
 
-Where a transition is to lead, where it begins, and the way between are all linear in what is
-asked for and what was sent before, so that one matrix gives everything. It runs once in a long
-while, never from the processor's caches: what counts is that there is little of it.
+It runs once in a long while, never from the processor's caches: what counts is that there is
+little of it. So all that does not depend on the motion at that moment is worked out before, and
+nothing is allocated.
 """
 
 from __future__ import annotations
@@ -31,19 +31,32 @@ _ROUNDING = 1e-9
 
 
 @compiled
-def _speed(part: FloatArray, first: int, mobility: int) -> float:
-    """Return the length of the reduced rates whose two parts begin at ``first``."""
+def _add_product(
+    prepared: FloatArray, at: int, rows: int, vector: FloatArray, first: int, columns: int,
+    out: FloatArray, to: int,
+) -> int:
+    """Add a matrix in ``prepared`` times a part of ``vector``; return where the matrix ends."""
+    for row in range(to, to + rows):
+        for column in range(first, first + columns):
+            out[row] += prepared[at] * vector[column]
+            at += 1
+    return at
+
+
+@compiled
+def _length(part: FloatArray, first: int, count: int) -> float:
     total = 0.0
-    for place in range(first, first + mobility):
-        total += (part[place] + part[place + mobility]) ** 2
+    for place in range(first, first + count):
+        total += part[place] ** 2
     return sqrt(total)
 
 
 @compiled
-def _length(part: FloatArray, first: int, end: int) -> float:
+def _away(part: FloatArray, first: int, other: FloatArray) -> float:
+    """Return how far the part from ``first`` on is from another vector."""
     total = 0.0
-    for place in range(first, end):
-        total += part[place] ** 2
+    for place in range(len(other)):
+        total += (part[first + place] - other[place]) ** 2
     return sqrt(total)
 
 
@@ -75,14 +88,13 @@ def begin(
     Parameters
     ----------
     prepared : array
-        One after the other: metres per second per unit of every drive; the stroke gain; the
-        largest speeds (N,) and the ends of the strokes (2, N), see `keeps_limits`; and three
-        matrices (s, l + N + m), row by row, for where the transition leads, where it begins, and
-        the way between (both of them the major and the secondary part split alike). Each gives
-        the s = 2 N + 6 + 2 n + m numbers of a command: rates (N,), the platform's twist (6,), the
-        major (n,) and the secondary (n,) part of the reduced rates, and by how much the major
-        velocity (m,) and the rates (N,) differ from the command before, in metres per second.
-        They are applied to ``velocity``, ``sent_rates`` and ``sent_major``, one after the other.
+        One after the other, matrices row by row: metres per second per unit of every drive; the
+        stroke gain; the largest speeds (N,) and the ends of the strokes (2, N), see
+        `keeps_limits`; the major and the secondary part of the reduced rates per task velocity,
+        (2 n, l); the reduced rates a transition begins with per rates (n, N) and major velocity
+        (n, m) sent before; the projection on those that drive the major task (n, n); and what
+        reduced rates come to, (N + 6 + m, n): rates of all drives, the platform's twist, and the
+        major velocity in metres per second.
     mobility : int
         n.
     values, velocity : (N,), (l,) array
@@ -91,9 +103,10 @@ def begin(
         The command before, and its major velocity in metres per second.
     allowed : float
         By how much the drives' speed may change, metres per second.
-    out : (3 s,) array
-        Takes rates, platform twist, both parts of the reduced rates, and then the two lengths of
-        the differences. What comes after is of no meaning.
+    out : (3 (N + 6) + 2 m + 4 n + 2,) array
+        Takes rates, platform twist, both parts of the reduced rates, and by how much major
+        velocity and rates differ from the command before, in metres per second. What comes after
+        is of no meaning.
 
     Returns
     -------
@@ -101,52 +114,68 @@ def begin(
         1 if it is what it is to be, 2 if it is on the way there, 0 if the definition is to be
         asked instead.
     """
+    drives, task, part = len(values), len(velocity), len(sent_major)
+    effects = drives + 6 + part
+    limits = 2
+    maps = limits + 3 * drives
+    size = maps + mobility * (2 * task + drives + part + mobility + effects)
+    # Places in what is written.
+    major = drives + 6
+    jumps = major + 2 * mobility
+    goal = jumps + 2
+    start = goal + mobility
+    goes = start + mobility
+    comes = goes + effects
+    if len(prepared) != size or len(out) != comes + effects:
+        return 0
     asked = 0.0
     for number in velocity:
         asked += abs(number)
     if not asked <= _LARGEST_SPEED:
         return 0
-    drives, part = len(values), len(sent_major)
-    unit, gain, limits = prepared[0], prepared[1], 2
-    reduced = drives + 6
-    jump = reduced + 2 * mobility
-    size = jump + part + drives
-    at = limits + 3 * drives
-    for row in range(3 * size):
-        total = 0.0
-        for number in velocity:
-            total += prepared[at] * number
-            at += 1
-        for number in sent_rates:
-            total += prepared[at] * number
-            at += 1
-        for number in sent_major:
-            total += prepared[at] * number
-            at += 1
-        out[row] = total
+
+    for place in range(len(out)):
+        out[place] = 0.0
+    unit, gain = prepared[0], prepared[1]
+    at = _add_product(prepared, maps, 2 * mobility, velocity, 0, task, out, major)
+    at = _add_product(prepared, at, mobility, sent_rates, 0, drives, out, start)
+    at = _add_product(prepared, at, mobility, sent_major, 0, part, out, start)
+    driving = at
+    last = driving + mobility * mobility
+    distance = 0.0
+    for i in range(mobility):
+        out[goal + i] = out[major + i] + out[major + mobility + i]
+        distance += (out[goal + i] - out[start + i]) ** 2
+    distance = unit * sqrt(distance)
+    _add_product(prepared, last, effects, out, goal, mobility, out, goes)
     if not (
-        _length(out, 0, drives) > 0.0 and _allowed(out, 0, values, prepared, limits, gain)
+        _length(out, goes, drives) > 0.0 and _allowed(out, goes, values, prepared, limits, gain)
     ):
         return 0
-    major = _length(out, jump, jump + part)
-    rates = _length(out, jump + part, size)
-    kind = 1
-    distance = unit * _speed(out, 2 * size + reduced, mobility)
-    goal = unit * _speed(out, reduced, mobility)
-    start = unit * _speed(out, size + reduced, mobility)
-    if not distance <= allowed + _ROUNDING * max(goal, start):
-        for place in range(size, 2 * size):
-            out[place] += allowed / distance * out[place + size]
-        if not _allowed(out, size, values, prepared, limits, gain):
+    major_jump = _away(out, goes + drives + 6, sent_major)
+    rate_jump = unit * _away(out, goes, sent_rates)
+    kind, chosen = 1, goes
+    longest = unit * max(_length(out, goal, mobility), _length(out, start, mobility))
+    if not distance <= allowed + _ROUNDING * longest:
+        for i in range(mobility):
+            out[start + i] += allowed / distance * (out[goal + i] - out[start + i])
+        _add_product(prepared, last, effects, out, start, mobility, out, comes)
+        if not _allowed(out, comes, values, prepared, limits, gain):
             return 0
-        eased_major = _length(out, size + jump, size + jump + part)
-        eased_rates = _length(out, size + jump + part, 2 * size)
+        eased_major_jump = _away(out, comes + drives + 6, sent_major)
+        eased_rate_jump = unit * _away(out, comes, sent_rates)
         if not (
-            eased_major > (1.0 + _ROUNDING) * major + 1e-15
-            or eased_rates > (1.0 + _ROUNDING) * rates + 1e-15
+            eased_major_jump > (1.0 + _ROUNDING) * major_jump + 1e-15
+            or eased_rate_jump > (1.0 + _ROUNDING) * rate_jump + 1e-15
         ):
-            kind, major, rates = 2, eased_major, eased_rates
-            for place in range(jump):
-                out[place] = out[size + place]
-    out[jump], out[jump + 1] = major, rates
+            kind, chosen = 2, comes
+            major_jump, rate_jump = eased_major_jump, eased_rate_jump
+            for i in range(mobility):
+                out[major + i] = 0.0
+            _add_product(prepared, driving, mobility, out, start, mobility, out, major)
+            for i in range(mobility):
+                out[major + mobility + i] = out[start + i] - out[major + i]
+    for place in range(major):
+        out[place] = out[chosen + place]
+    out[jumps], out[jumps + 1] = major_jump, rate_jump
     return kind

@@ -175,16 +175,17 @@ class PostFailureTable:
     def _entry(self, values: FloatArray, failures: FailureSet) -> Entry:
         try:
             prospect = self._assessor.foreseen(values, failures)
-            assessment, inverse, readied = prospect.assessment, None, None
+            assessment, inverse = prospect.assessment, None
             if prospect.fit.unclosed:
                 return Entry(values, None, None)
             # Why not, if not, is worked out here: it is there when it is asked for.
             if assessment is not None and not assessment.intolerance:
                 inverse = self._law.foreseen(assessment.post.present)
-                readied = self._onset.readied(assessment, inverse)
         except (ArithmeticError, ValueError):  # no convergence, numbers that are not finite
             return Entry(values, None, None)
-        return Entry(values, prospect, inverse, readied)
+        if assessment is None or inverse is None:
+            return Entry(values, prospect, None)
+        return Entry(values, prospect, inverse, self._onset.readied(assessment, inverse))
 
     def moved(self, before: FloatArray, values: FloatArray) -> float:
         """Return how far any actuator has moved, in characteristic lengths or radians.

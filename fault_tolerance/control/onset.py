@@ -20,7 +20,12 @@ from fault_tolerance.control.assessment import Assessment
 from fault_tolerance.control.command import LEAVING, CommandLaw
 from fault_tolerance.control.limits import LimitedRate, constant_limits
 from fault_tolerance.control.recovery import Decision, State
-from fault_tolerance.control.resolved_rate import SINGULAR_BELOW, ResolvedRate, TaskInverse
+from fault_tolerance.control.resolved_rate import (
+    SINGULAR_BELOW,
+    ResolvedRate,
+    TaskInverse,
+    twist_map,
+)
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.transition import Begun, Jump, Sent
 from fault_tolerance.mechanism.arrays import FloatArray, frozen
@@ -102,53 +107,39 @@ class Onset:
             return None
         if not assessment.configuration.largest_misfit <= self._most_misfit:
             return None
-        goal, start, way = self._matrices(inverse, unit)
         constants = np.array([unit, self._stroke_gain])
-        prepared = np.concatenate(
-            [constants, self._limits, goal.ravel(), start.ravel(), way.ravel()]
-        )
+        parts = (constants, self._limits, *self._matrices(inverse, unit))
+        prepared = np.concatenate([part.ravel() for part in parts])
         decision = Decision(State.DEGRADED, assessment.post.verdict.reason)
-        size = 3 * len(goal)
-        rooms = [Room.of(size, len(kinematics.mapping))]
-        return Readied(inverse, decision, prepared, kinematics.mobility, size, rooms)
+        drives, mobility = kinematics.mapping.shape
+        size = 3 * (drives + 6) + 2 * len(kinematics.major) + 4 * mobility + 2
+        return Readied(inverse, decision, prepared, mobility, size, [Room.of(size, drives)])
 
-    def _matrices(
-        self, inverse: TaskInverse, unit: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return what gives the command a transition leads to, begins with, and the way.
+    def _matrices(self, inverse: TaskInverse, unit: float) -> tuple[FloatArray, ...]:
+        """Return the matrices that a command is made by.
 
         See `fault_tolerance.compiled.beginning.begin`, and
         `fault_tolerance.control.transition.Transition` for the definitions.
         """
         kinematics = inverse.kinematics
-        mapping, mobility = kinematics.mapping, kinematics.mobility
+        mapping = kinematics.mapping
         weights = self._law.resolver.constants[0][kinematics.task.major_rows]
         weighted = weights[:, None] * kinematics.major
         left, sigma, right = kinematics.decomposed_major(weights)
         driven = int((sigma / unit > SINGULAR_BELOW).sum())
         right = right[:driven]
-        asked, drives, part = inverse.major.shape[1], len(mapping), len(weighted)
-        goal = np.zeros((mobility, asked + drives + part))
-        goal[:, :asked] = inverse.major + inverse.secondary
         # From the nearest to the last command, the major task moving as it moved.
         correcting = (right.T / sigma[:driven]).dot(left[:, :driven].T)
-        start = np.zeros(goal.shape)
-        start[:, asked : asked + drives] = mapping.T - correcting.dot(weighted.dot(mapping.T))
-        start[:, asked + drives :] = correcting
-        effects = np.concatenate([kinematics.rate_map, kinematics.twist_jacobian, weighted])
-
-        def command(reduced: FloatArray, major: FloatArray) -> FloatArray:
-            rates, twist, change = np.split(effects.dot(reduced), [drives, drives + 6])
-            change[:, asked + drives :] -= np.eye(part)
-            jump = unit * rates
-            jump[:, asked : asked + drives] -= unit * np.eye(drives)
-            return np.concatenate([rates, twist, major, reduced - major, change, jump])
-
-        driving = right.T.dot(right)
-        major = np.zeros(goal.shape)
-        major[:, :asked] = inverse.major
-        begun = command(start, driving.dot(start))
-        return command(goal, major), begun, command(goal, driving.dot(goal)) - begun
+        return (
+            inverse.major,
+            inverse.secondary,
+            mapping.T - correcting.dot(weighted).dot(mapping.T),
+            correcting,
+            right.T.dot(right),
+            kinematics.rate_map,
+            twist_map(kinematics),
+            weighted,
+        )
 
     def command(
         self,

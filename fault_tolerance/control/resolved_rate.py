@@ -95,11 +95,7 @@ class ResolvedRate:
 
         For a mechanism given by numbers, zero outside the task.
         """
-        twist = self.kinematics.twist_jacobian.dot(self.reduced)
-        if len(twist) != len(COORDINATES):
-            twist = np.zeros(len(COORDINATES))
-            twist[self.kinematics.task.rows] = self.achieved
-        return frozen(twist)
+        return frozen(twist_map(self.kinematics).dot(self.reduced))
 
     @property
     def smallest_singular_value(self) -> float:
@@ -262,6 +258,18 @@ class RateResolver:
         sigma = decomposition[1]
         smallest = float(sigma[-1]) / unit if len(sigma) == len(self._weights) else 0.0
         return TaskInverse(kinematics, frozen(major), frozen(secondary), driven, smallest)
+
+
+def twist_map(kinematics: DifferentialKinematics) -> FloatArray:
+    """Return the platform's twist per reduced rates, (6, n).
+
+    For a mechanism given by numbers, zero outside the task: nothing else is known of it.
+    """
+    found = kinematics.twist_jacobian
+    if len(found) != len(COORDINATES):
+        found = np.zeros((len(COORDINATES), kinematics.mobility))
+        found[kinematics.task.rows] = kinematics.jacobian
+    return found
 
 
 def common(rate_scale: FloatArray | None) -> float | None:

@@ -78,6 +78,7 @@ class ReportInbox:
         self._others: deque[bytes] = deque()
         self._foreign: deque[bytes] = deque(maxlen=_MOST_FOREIGN)
         self._at_once: bytes | None = None
+        self._free = False
         self._heard = -inf
         self._credit = BURST
         self._renewed = 0.0
@@ -118,8 +119,9 @@ class ReportInbox:
 
     def next(self, now: float) -> bytes | None:
         """Return a message to decode, or None: there is none, or no time for one yet."""
-        if self._at_once is not None:
-            message, self._at_once = self._at_once, None
+        message, self._at_once = self._at_once, None
+        self._free = message is not None
+        if message is not None:
             return message
         if not (self._failures or self._others or self._foreign):
             return None
@@ -144,8 +146,13 @@ class ReportInbox:
         queue.append(message)
 
     def spent(self, seconds: float) -> None:
-        """Take note of how long the reading of a message has taken."""
-        self._credit = max(self._credit - seconds, -DEBT)
+        """Take note of how long the reading of a message has taken.
+
+        What was read as it came does not count: it is short and seldom, and of no matter for how
+        long others have to wait.
+        """
+        if not self._free:
+            self._credit = max(self._credit - seconds, -DEBT)
 
     def forget(self) -> None:
         """Take the next message for news even if it was seen before: something has changed."""

@@ -49,6 +49,17 @@ def test_in_quiet_times_a_message_is_read_as_it_comes():
     assert drained(inbox, now + 0.99 * QUIET) == []
 
 
+def test_what_is_read_as_it_comes_keeps_nothing_waiting():
+    inbox = ReportInbox(NAMES)
+    for number in range(50):
+        now = 1.01 * QUIET * number
+        inbox.put(report(str(number), 'wheel_1'), now)
+        assert inbox.next(now) is not None
+        inbox.spent(0.5 * QUIET)
+    inbox.put(report('ours'), now + 0.5 * QUIET)
+    assert inbox.next(now + 0.5 * QUIET) == report('ours')
+
+
 def test_a_long_message_is_looked_at_first():
     inbox = ReportInbox(NAMES)
     inbox.put(b'x' * (SHORT + 1), 0.0)
@@ -59,7 +70,8 @@ def test_a_long_message_is_looked_at_first():
 
 def test_what_waits_comes_before_what_is_read_as_it_comes():
     inbox = unquiet()
-    inbox.spent(1.0)
+    inbox.put(report('before'), 0.0)
+    assert drained(inbox, 0.0, 1.0) == [report('before')]
     inbox.put(report('a'), 0.0)
     assert inbox.next(0.0) is None
     inbox.put(report('b'), 10.0)
@@ -198,7 +210,7 @@ def test_a_message_of_absurd_length_is_left_aside():
 
 
 def test_a_message_that_took_very_long_does_not_keep_others_waiting():
-    inbox = ReportInbox(NAMES)
+    inbox = unquiet()
     inbox.put(report('a'), 0.0)
     assert inbox.next(0.0) == report('a')
     inbox.spent(5.0)

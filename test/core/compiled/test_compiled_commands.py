@@ -7,6 +7,7 @@ import pytest
 from core.cases import named
 from core.compiled.test_compiled_kinematics import path, same
 from core.control.control_cases import report
+from core.mechanisms import by_numbers, made
 
 from fault_tolerance.compiled.activation import Active
 from fault_tolerance.control.settings import Settings
@@ -132,6 +133,49 @@ def test_through_failures_and_back(kernels, taken, name, acceleration):
     assert taken['shortcut'] >= 2 * len(words)
     # Those without redundancy tolerate none.
     assert taken['first'] or name in ('fsm_3_strut', 'gough_stewart_6')
+
+
+@pytest.mark.parametrize('acceleration', [0.1, 10.0])
+@pytest.mark.parametrize('major', [['wx'], ['wx', 'wy'], ['wx', 'wy', 'vz']], ids=len)
+def test_a_mechanism_given_by_numbers(kernels, taken, major, acceleration):
+    """It knows nothing of the twist outside its task."""
+    document = by_numbers()
+    document['task']['major'] = major
+    mechanism = made(document)
+    both = Both(mechanism, kernels, max_acceleration=acceleration)
+    first = 0
+    for mode in ('position', 'torque'):
+        for name in mechanism.actuator_names:
+            for _ in range(3):
+                both.move(np.zeros(4), np.array([1e-3, -2e-3, 5e-4]))
+            both.anticipate()
+            output = both.report(mode, name)
+            if mode == 'position':
+                assert output.rates[mechanism.actuator_names.index(name)] == 0.0
+            first += bool(output.rates.any())
+            both.move(np.zeros(4), np.array([1e-3, -2e-3, 5e-4]))
+            both.report('none', name)
+            both.each(lambda each: each.clear(both.now))
+            both.step()
+    # Where all three coordinates are major, none may be stuck.
+    assert taken['first'] == first == (8 if len(major) < 3 else 4)
+
+
+def test_what_does_not_fit_is_declined(kernels):
+    """Nothing is read or written beyond an array."""
+    drives, task, part, mobility = 4, 3, 2, 2
+    effects = drives + 6 + part
+    prepared = np.ones(
+        2 + 3 * drives + mobility * (2 * task + drives + part + mobility + effects)
+    )
+    out = np.zeros(3 * (drives + 6) + 2 * part + 4 * mobility + 2)
+    motion = np.zeros(drives), np.full(task, 1e-3), np.zeros(drives), np.zeros(part), 1.0
+    prepared[2:14] = 1e3
+    assert kernels.begin(prepared, mobility, *motion, out) == 1
+    for wrong in (prepared[:-1], np.append(prepared, 0.0)):
+        assert kernels.begin(wrong, mobility, *motion, out) == 0
+    for wrong in (out[:-1], np.append(out, 0.0)):
+        assert kernels.begin(prepared, mobility, *motion, wrong.copy()) == 0
 
 
 def test_a_first_command_stays_as_it_was_given(kernels, taken):
