@@ -306,8 +306,7 @@ class Plant:
         self._probe.wait(
             lambda: all(one.get_subscription_count() for one in publishers), 'a controller'
         )
-        self.step()
-        self._probe.wait_for_state('nominal')
+        self.reach('nominal')
 
     def stamp(self) -> Any:
         return self._probe.node.get_clock().now().to_msg()
@@ -383,6 +382,18 @@ class Plant:
             return all(abs(a - b) < 1e-6 for a, b in zip(found, wanted, strict=True))
 
         self._probe.wait(settled, f'the command {wanted}')
+
+    def reach(self, state: str) -> None:
+        """Step until the controller says that it is in this state.
+
+        A command may answer a joint state from before, so without more of them it may never be.
+        """
+
+        def reached() -> bool:
+            self.step()
+            return self._probe.state == state
+
+        self._probe.wait(reached, state)
 
 
 def values_of(status: DiagnosticStatus) -> dict[str, str]:

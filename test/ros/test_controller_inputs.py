@@ -221,7 +221,7 @@ def test_joint_states_that_cease_lead_to_hold_and_back(asking, probe):
     assert list(probe.commands[-1].data) == [0.0] * 4
     probe.wait(lambda: probe.mechanism['state'] == 'hold', 'metrics')
     asking.settle(NOMINAL)
-    probe.wait_for_state('nominal')
+    asking.reach('nominal')
 
 
 def test_a_task_velocity_that_ceases_leads_to_rest(asking, probe):

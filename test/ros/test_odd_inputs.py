@@ -70,7 +70,7 @@ class Machine:
 
     def resume(self) -> None:
         self.plant.settle(NOMINAL)
-        self.probe.wait_for_state('nominal')
+        self.plant.reach('nominal')
 
     def wait_for_failures(self, words: str) -> None:
         self.probe.wait(lambda: self.probe.mechanism['failures'] == words, words or 'no failure')
