@@ -3,10 +3,12 @@
 
 """The control cycle without ROS, at another configuration in every call, beside its peers.
 
-The cycle derives everything anew: loops closed from the drives' readings, rows, J, T, verdict,
-resolved rates, limits. The controller's step is that and all the rest that
-`Supervisor.joint_reading` and `Supervisor.step` do: state machine, watchdogs, plausibility. All
-that is compared runs in turn, call by call, in one process.
+The cycle derives everything anew: loops closed from the drives' readings, rows, J, T, resolved
+rates, limits; it ends with these as arrays, as the peers' do. What a configuration, kinematics and
+a verdict are as objects is made when somebody asks: with that it is a row of its own. The
+controller's step is the cycle and all the rest that `Supervisor.joint_reading` and
+`Supervisor.step` do: state machine, watchdogs, plausibility; it is what targets go by. All that is
+compared runs in turn, call by call, in one process.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.names import CYCLE, GROWTH
+from benchmark.names import CYCLE, GROWTH, STEP
 from benchmark.peers import PEERS
 from benchmark.samples import main, row
 from fault_tolerance.control.command import CommandLaw
@@ -33,7 +35,7 @@ from fault_tolerance.mechanism.configuration import Configuration, fitted_config
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 
-STEP = 'step of the controller'
+WHOLE = 'control cycle, and all objects made of it'
 CACHED = 'step of the controller, joint values as before'
 DEGRADED = 'step of the controller, one actuator stuck'
 RECONFIGURATION = 'reconfiguration'
@@ -59,8 +61,13 @@ def path(mechanism: Mechanism) -> list[Configuration]:
     return found
 
 
-def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[], object]:
-    """Return a call of the cycle at the next readings, each warm-started from the last."""
+def derived_anew(
+    mechanism: Mechanism, readings: list[np.ndarray], *, whole: bool = False
+) -> Callable[[], object]:
+    """Return a call of the cycle at the next readings, each warm-started from the last.
+
+    A ``whole`` one makes all there is to know, too.
+    """
     settings, none = Settings(), failure_set(mechanism, [])
     law = CommandLaw(mechanism, settings)
     situation = Situation(mechanism, settings, law)
@@ -74,14 +81,15 @@ def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[
         values = readings[place]
         taken = situation.shortcut(values, velocity, none)
         if taken is not None:
-            # All there is to know, though a command needs only the rates.
-            limited = taken.followed.limited
+            found = taken.pose, taken.actuator_rows, taken.jacobian, taken.mapping, taken.rates
+            if whole:
+                found = taken.followed
         else:
             situation.assess(values, none)
             kinematics = situation.assessment.post.present
-            limited = law.limited(law.resolved(kinematics, velocity), values)
+            found = law.limited(law.resolved(kinematics, velocity), values)
         situation.prepare(moves=True)
-        return limited
+        return found
 
     return call
 
@@ -151,6 +159,7 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
     stuck = failure_set(mechanism, [('position', mechanism.actuator_names[-1])])
     named = {
         CYCLE: derived_anew(mechanism, readings),
+        WHOLE: derived_anew(mechanism, readings, whole=True),
         STEP: Cycles(mechanism, readings).at_the_next,
         CACHED: Cycles(mechanism, readings).as_before,
         DEGRADED: Cycles(mechanism, readings, mechanism.actuator_names[-1]).at_the_next,
@@ -179,12 +188,12 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
 
 
 def _growth(repeats: int, calls: int) -> list[dict[str, Any]]:
-    """Return the rows of the cycle of the mechanisms compared, these two in turn."""
+    """Return the rows of the step of the mechanisms compared, these two in turn."""
     mechanisms = [mechanism_named(name) for name in COMPARED]
     cycles = []
     for mechanism in mechanisms:
         readings = [np.array(one.actuator_values) for one in path(mechanism)]
-        cycles.append(derived_anew(mechanism, readings))
+        cycles.append(Cycles(mechanism, readings).at_the_next)
     return [
         row(GROWTH.format(len(mechanism.struts)), samples, mechanism=mechanism.name,
             struts=len(mechanism.struts), note='in turn with the other')

@@ -15,7 +15,6 @@ from typing import Any
 from benchmark.names import (
     ARRAY_ECHO,
     COMMAND,
-    CYCLE,
     DEFINITIONS,
     FAILURE,
     GROWTH,
@@ -23,6 +22,7 @@ from benchmark.names import (
     MEASURES,
     PAIRS,
     PINOCCHIO,
+    STEP,
     SUSTAINED,
     SUSTAINED_REAL_TIME,
 )
@@ -97,7 +97,7 @@ def _over(first: float | None, second: float | None) -> float | None:
 
 def _cycle_over_peer(struts: int) -> Callable[[Rows], float | None]:
     return lambda rows: _over(
-        _p50(rows, CYCLE, struts=struts), _p50(rows, PINOCCHIO, struts=struts)
+        _p50(rows, STEP, struts=struts), _p50(rows, PINOCCHIO, struts=struts)
     )
 
 
@@ -117,16 +117,16 @@ def _extra(name: str, floor: str) -> Callable[[Rows], str]:
     def text(rows: Rows) -> str:
         whole, least = _p50(rows, name) or 0.0, _p50(rows, floor) or 0.0
         said = f'{whole:.0f} us, of which the middleware alone takes {least:.0f} us'
-        cycle = _p50(rows, CYCLE, struts=4)
+        cycle = _p50(rows, STEP, struts=4)
         if name == COMMAND and cycle is not None:
-            said += f'; a control cycle takes {cycle:.0f} us in the core benchmark'
+            said += f'; a step of the controller takes {cycle:.0f} us in the core benchmark'
         return said
 
     return text
 
 
 def _cycle_text(rows: Rows) -> str:
-    names = (CYCLE, PINOCCHIO)
+    names = (STEP, PINOCCHIO)
     figures = [f'{name} {_p50(rows, name, struts=n)} us (N={n})' for name in names for n in (4, 8)]
     return ', '.join(figures)
 

@@ -37,6 +37,7 @@ from fault_tolerance.mechanism.following import closed_from, constant_part, way_
 from fault_tolerance.mechanism.steps import Closed, Steps
 from fault_tolerance.mechanism.tracking import FARTHEST, LAST_STEP
 
+_NUMBER = np.dtype(np.float64)
 # What a command gives, in the order in which it is written: the command itself, what
 # `fault_tolerance.compiled.resolving` and `following` return, and three numbers.
 _COMMANDED = 'rates', 'twist', 'major_part', 'secondary_part', 'major', 'secondary'
@@ -84,7 +85,7 @@ class Followed:
 class _Place:
     """The arrays that one command gives, as parts of a single one."""
 
-    parts: dict[str, tuple[int, int, tuple[int, ...] | None]]
+    parts: dict[str, tuple[tuple[int, ...], int]]
     size: int
 
     @classmethod
@@ -93,18 +94,21 @@ class _Place:
         parts, end = {}, 0
         names = (*_COMMANDED, *_RESOLVED, *_FOLLOWED, 'sizes')
         for name, shape in zip(names, shapes, strict=True):
-            begin, end = end, end + prod(shape)
-            parts[name] = begin, end, shape if len(shape) > 1 else None
+            parts[name] = shape, _NUMBER.itemsize * end
+            end += prod(shape)
         return cls(parts, end)
 
     def arrays(self, values: FloatArray) -> dict[str, FloatArray]:
         """Return the parts of ``values``."""
-        return {name: self.one(values, name) for name in self.parts}
+        return {
+            name: np.ndarray(shape, _NUMBER, values, offset)
+            for name, (shape, offset) in self.parts.items()
+        }
 
     def one(self, values: FloatArray, name: str) -> FloatArray:
         """Return one part of ``values``."""
-        begin, end, shape = self.parts[name]
-        return values[begin:end].reshape(shape) if shape else values[begin:end]
+        shape, offset = self.parts[name]
+        return np.ndarray(shape, _NUMBER, values, offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +184,26 @@ class Taken:
         return self._constants.place.one(self._out, 'reached')
 
     @property
+    def pose(self) -> FloatArray:
+        """The platform's pose, (4, 4)."""
+        return self._constants.place.one(self._out, 'pose')
+
+    @property
+    def actuator_rows(self) -> FloatArray:
+        """Rates of the actuators per platform twist, (N, 6)."""
+        return self._constants.place.one(self._out, 'drives')
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """J, task velocity per reduced rates, (l, n)."""
+        return self._constants.place.one(self._out, 'jacobian')
+
+    @property
+    def mapping(self) -> FloatArray:
+        """T, rates of all actuators per reduced rates, (N, n)."""
+        return self._constants.place.one(self._out, 'mapping')
+
+    @property
     def residual(self) -> FloatArray:
         """What was asked for less what is achieved, (l,)."""
         residual = self._velocity - self.twist.take(self._constants.mechanism.task.rows)
@@ -212,7 +236,7 @@ class Taken:
             before.state, before.attachment, before.kept, self._steps,
             [found[name] for name in _FOLLOWED], (outside, along),
         )
-        configuration = configuration_from(mechanism, closed, values)
+        configuration = configuration_from(mechanism, closed, values, complete=True)
         rows = strut_rows(configuration)
         kinematics = kinematics_from(
             rows,
@@ -223,7 +247,7 @@ class Taken:
         post = PostFailure(rows, failures, kinematics)
         if not failures:
             # Otherwise the shortcut would not have been taken.
-            post.__dict__['verdict'] = sound_verdict(kinematics)
+            post.__dict__['verdict'] = sound_verdict(kinematics.mobility)
         fit = Fit((values.tobytes(), failures.lost), configuration, rows)
         assessment = Assessment(configuration, post, constants.threshold)
         transmission = float(found['transmissions'][-1]) / constants.unit

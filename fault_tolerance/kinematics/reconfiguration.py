@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -125,7 +125,7 @@ def verdict(
     """Return the verdict on ``present`` kinematics that were ``nominal`` before ``failures``."""
     task = rows.mechanism.task
     if not failures and present is nominal and _is_sound(rows, present):
-        return sound_verdict(present)
+        return sound_verdict(present.mobility)
     names = _twist_names(rows)
     order = [*task.by_priority, *(name for name in names if name not in task.coordinates)]
     places = [names.index(name) for name in order]
@@ -156,9 +156,16 @@ def verdict(
     )
 
 
-def sound_verdict(nominal: DifferentialKinematics) -> Verdict:
-    """Return the verdict on kinematics that no failure has befallen, and that lack nothing."""
-    return Verdict(True, True, nominal.mobility, (), (), (), failures_in_words(FailureSet()))
+@cache
+def sound_verdict(mobility: int) -> Verdict:
+    """Return the verdict on kinematics that no failure has befallen, and that lack nothing.
+
+    Parameters
+    ----------
+    mobility : int
+        Of these kinematics. (The result is kept: it is asked for every cycle.)
+    """
+    return Verdict(True, True, mobility, (), (), (), failures_in_words(FailureSet()))
 
 
 def _is_sound(rows: StrutRows, kinematics: DifferentialKinematics) -> bool:

@@ -229,14 +229,27 @@ def _home_state(mechanism: Mechanism) -> State:
 
 
 def configuration_from(
-    mechanism: Mechanism, closed: Closed, target: FloatArray | None
+    mechanism: Mechanism,
+    closed: Closed,
+    target: FloatArray | None,
+    *,
+    complete: bool = False,
 ) -> Configuration:
-    """Return the configuration that a closed state is, fitted to ``target`` (N,)."""
+    """Return the configuration that a closed state is, fitted to ``target`` (N,).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    closed : Closed
+    target : (N,) array, optional
+    complete : bool
+        Whether it is known that no strut is lost and every actuator has a reading.
+    """
     state, attachment = closed.state, closed.attachment
     actuators = state.actuator_values
     if target is None:
         misfit = np.zeros(actuators.shape)
-    elif attachment.complete and isfinite(float(target.sum())):
+    elif complete or (attachment.complete and isfinite(float(target.sum()))):
         misfit = target - actuators
     else:
         # Differences with NaN, where there is no reading, are left out.

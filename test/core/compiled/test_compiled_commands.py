@@ -161,6 +161,31 @@ def test_a_mechanism_given_by_numbers(kernels, taken, major, acceleration):
     assert taken['first'] == first == (8 if len(major) < 3 else 4)
 
 
+@pytest.mark.parametrize('name', ['mirror_4_strut', 'gough_stewart_8'])
+def test_the_arrays_of_a_shortcut_are_those_of_the_objects_made_of_it(
+    kernels, monkeypatch, name
+):
+    given, real = [], Shortcut.command
+
+    def command(self, *arguments):
+        given.append(real(self, *arguments))
+        return given[-1]
+
+    monkeypatch.setattr(Shortcut, 'command', command)
+    mechanism = named(name)
+    both = Both(mechanism, kernels)
+    for values in path(mechanism, size=0.01, count=8):
+        both.move(values, np.full(len(mechanism.task.coordinates), 1e-3))
+    found = [taken for taken in given if taken is not None]
+    assert len(found) > 4
+    for taken in found:
+        post = taken.assessed().post
+        np.testing.assert_array_equal(taken.pose, taken.assessed().configuration.pose)
+        np.testing.assert_array_equal(taken.actuator_rows, post.rows.actuator_rows)
+        np.testing.assert_array_equal(taken.jacobian, post.present.jacobian)
+        np.testing.assert_array_equal(taken.mapping, post.present.mapping)
+
+
 def test_what_does_not_fit_is_declined(kernels):
     """Nothing is read or written beyond an array."""
     drives, task, part, mobility = 4, 3, 2, 2
