@@ -81,7 +81,7 @@ def derived_anew(
         values = readings[place]
         taken = situation.shortcut(values, velocity, none)
         if taken is not None:
-            found = taken.pose, taken.actuator_rows, taken.jacobian, taken.mapping, taken.rates
+            found = [*map(taken.part, ('pose', 'drives', 'jacobian', 'mapping', 'rates'))]
             if whole:
                 found = taken.followed
         else:

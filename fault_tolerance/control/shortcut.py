@@ -30,7 +30,7 @@ from fault_tolerance.kinematics.differential import failed_parts, kinematics_fro
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure, sound_verdict
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, frozen
 from fault_tolerance.mechanism.configuration import configuration_from
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.following import closed_from, constant_part, way_on
@@ -181,42 +181,22 @@ class Taken:
     @property
     def actuator_values(self) -> FloatArray:
         """Joint values of the actuators that close the loops, (N,)."""
-        return self._constants.place.one(self._out, 'reached')
+        return self.part('reached')
 
-    @property
-    def pose(self) -> FloatArray:
-        """The platform's pose, (4, 4)."""
-        return self._constants.place.one(self._out, 'pose')
-
-    @property
-    def actuator_rows(self) -> FloatArray:
-        """Rates of the actuators per platform twist, (N, 6)."""
-        return self._constants.place.one(self._out, 'drives')
-
-    @property
-    def jacobian(self) -> FloatArray:
-        """J, task velocity per reduced rates, (l, n)."""
-        return self._constants.place.one(self._out, 'jacobian')
-
-    @property
-    def mapping(self) -> FloatArray:
-        """T, rates of all actuators per reduced rates, (N, n)."""
-        return self._constants.place.one(self._out, 'mapping')
+    def part(self, name: str) -> FloatArray:
+        """Return one of the arrays found: ``pose``, ``drives``, ``jacobian``, ``mapping``, ..."""
+        return self._constants.place.one(self._out, name)
 
     @property
     def residual(self) -> FloatArray:
         """What was asked for less what is achieved, (l,)."""
-        residual = self._velocity - self.twist.take(self._constants.mechanism.task.rows)
-        residual.setflags(write=False)
-        return residual
+        return frozen(self._velocity - self.twist.take(self._constants.mechanism.task.rows))
 
     @property
     def way_on(self) -> _Ready:
         """What the next command needs."""
         constants = self._constants
-        place, out = constants.place, self._out
-        further = [place.one(out, name) for name in _WAY_ON]
-        return _Ready(constants, (*constants.arguments, *further))
+        return _Ready(constants, (*constants.arguments, *map(self.part, _WAY_ON)))
 
     def assessed(self) -> Assessment:
         """Return what the long way would have found."""
@@ -327,8 +307,7 @@ class Shortcut:
         steps, driven = kernels.command(*ready.arguments, values, velocity, out)
         if not steps:
             return None
-        out.setflags(write=False)
-        return Taken(ready.constants, values, velocity, steps, driven, out)
+        return Taken(ready.constants, values, velocity, steps, driven, frozen(out))
 
     def _constants_at(self, post: PostFailure, closed: Closed, steps: Steps) -> _Constants:
         """Return the constant arguments and the room for the results."""

@@ -180,10 +180,14 @@ def test_the_arrays_of_a_shortcut_are_those_of_the_objects_made_of_it(
     assert len(found) > 4
     for taken in found:
         post = taken.assessed().post
-        np.testing.assert_array_equal(taken.pose, taken.assessed().configuration.pose)
-        np.testing.assert_array_equal(taken.actuator_rows, post.rows.actuator_rows)
-        np.testing.assert_array_equal(taken.jacobian, post.present.jacobian)
-        np.testing.assert_array_equal(taken.mapping, post.present.mapping)
+        for name, expected in (
+            ('pose', taken.assessed().configuration.pose),
+            ('drives', post.rows.actuator_rows),
+            ('jacobian', post.present.jacobian),
+            ('mapping', post.present.mapping),
+            ('rates', taken.rates),
+        ):
+            np.testing.assert_array_equal(taken.part(name), expected)
 
 
 def test_what_does_not_fit_is_declined(kernels):
