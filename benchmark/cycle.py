@@ -43,7 +43,7 @@ RECONFIGURATION = 'reconfiguration'
 NAMED = ('mirror_3_strut', 'mirror_4_strut', 'mirror_overactuated', 'gough_stewart_6',
          'gough_stewart_8')
 COMPARED = ('mirror_4_strut', 'gough_stewart_8')
-MANY = (16, 64, 256, 1000)
+MANY = (5, 7, 16, 64, 256, 1000)
 _AMPLITUDE = 2e-3
 _POSES = 200
 

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -135,3 +137,35 @@ def test_the_plant_stops_by_itself_when_the_controller_is_killed(start, probe):
     killed = time.monotonic()
     probe.wait(lambda: not moving(), 'the mirror to stop')
     assert time.monotonic() - killed < 1.0
+
+
+IN_THE_LOOP = """
+import gc, os, signal, sys
+from rclpy.node import Node
+from fault_tolerance.nodes.idle import IdleTime
+from fault_tolerance.nodes.spinning import run
+
+class Watcher(Node):
+    def __init__(self):
+        super().__init__('watcher', enable_rosout=False)
+        self.idle, self.calls = IdleTime(), 0
+        self.create_timer(0.01, self.call)
+
+    def call(self):
+        self.calls += 1
+        if self.calls == 20:
+            print(gc.isenabled(), gc.get_freeze_count() > 10_000)
+            os.kill(os.getpid(), signal.SIGINT)
+
+code = run('watcher', Watcher, [])
+print(code, gc.isenabled())
+"""
+
+
+@pytest.mark.once
+def test_in_the_loop_callbacks_come_and_garbage_is_not_collected_by_itself():
+    done = subprocess.run(
+        [sys.executable, '-c', IN_THE_LOOP], capture_output=True, text=True, timeout=60,
+        check=False,
+    )
+    assert done.stdout.split() == ['False', 'True', '0', 'True'], done.stdout + done.stderr
