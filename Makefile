@@ -70,7 +70,7 @@ bench: $(VENV)/.peers  ## Measure speed, beside peers where they install (ARGS=-
 # Where not all install, each is tried: what does not is left out of the comparison.
 $(VENV)/.peers: $(STAMP)
 	@$(RUN) -m pip install -q --disable-pip-version-check -e '.[bench]' 2>/dev/null || \
-	for peer in mink mujoco numba pin pin-pink; do \
+	for peer in mink mujoco pin pin-pink; do \
 	  $(RUN) -m pip install -q --disable-pip-version-check "$$peer" 2>/dev/null || \
 	  echo "make: $$peer does not install here: left out"; done
 	@touch $@
@@ -86,7 +86,7 @@ soak: venv  ## A failure and a clearing every second (SECONDS=1800, ARGS=...)
 	SOAK_SECONDS=$(or $(SECONDS),1800) \
 	  $(RUN) -m pytest -o faulthandler_timeout=0 test/system/test_soak.py -s $(ARGS)
 
-test: venv  ## Run every test, the ROS ones also with message fields checked
+test: venv  ## Run every test once, two processors' worth at a time
 	@$(RUN) test/everything.py $(ARGS)
 
 test-pins: $(PINS_STAMP)  ## Run every test with the versions of Ubuntu 24.04

@@ -41,6 +41,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
+        'numba>=0.58',
         'numpy>=1.26',
         'PyYAML',
         'rich',
@@ -53,8 +54,6 @@ setup(
             'ros-common-interfaces==5.3.6',
         ],
         'plot': ['matplotlib'],
-        # The path of a command as machine code.
-        'fast': ['numba'],
         # Another engine for the simulated mechanism.
         'mujoco': ['mujoco>=3.3.6'],
         # Recordings as ROS 2 bags, without ROS.
@@ -64,7 +63,6 @@ setup(
             'pytest>=7.4',
             'hypothesis',
             'mujoco>=3.3.6',
-            'numba',
             # Somebody else's reader, to check what is recorded.
             'mcap-ros2-support',
             'colcon-bash',
@@ -80,7 +78,6 @@ setup(
             'matplotlib',
             'mink',
             'mujoco',
-            'numba',
             'pin',
             'pin-pink',
         ],

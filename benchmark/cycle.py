@@ -1,14 +1,13 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control cycle without ROS, at another configuration in every call, beside its peers.
+"""The controller's step without ROS, at another configuration in every call, beside its peers.
 
-The cycle derives everything anew: loops closed from the drives' readings, rows, J, T, resolved
-rates, limits; it ends with these as arrays, as the peers' do. What a configuration, kinematics and
-a verdict are as objects is made when somebody asks: with that it is a row of its own. The
-controller's step is the cycle and all the rest that `Supervisor.joint_reading` and
-`Supervisor.step` do: state machine, watchdogs, plausibility; it is what targets go by. All that is
-compared runs in turn, call by call, in one process.
+A step derives everything anew: loops closed from the drives' readings, rows, J, T, verdict,
+resolved rates, limits. It is all that `Supervisor.joint_reading`, `Supervisor.step` and
+`Supervisor.watch` do, state machine, watchdogs and plausibility included; targets go by it. A row
+of its own has the two functions inside it, `estimate` and `rate_command`. All that is compared
+runs in turn, call by call, in one process.
 """
 
 from __future__ import annotations
@@ -19,14 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.names import CYCLE, GROWTH, STEP
+from benchmark.names import CYCLE, DEGRADED, GROWTH, STEP
 from benchmark.peers import PEERS
 from benchmark.samples import main, row
-from fault_tolerance.control.command import CommandLaw
-from fault_tolerance.control.reports import ERROR, Report
+from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.failure_reports import ERROR, Report
+from fault_tolerance.control.resolved_rate import no_command, rate_command
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.control.situation import Situation
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
@@ -35,10 +35,8 @@ from fault_tolerance.mechanism.configuration import Configuration, fitted_config
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 
-WHOLE = 'control cycle, and all objects made of it'
 CACHED = 'step of the controller, joint values as before'
-DEGRADED = 'step of the controller, one actuator stuck'
-RECONFIGURATION = 'reconfiguration'
+RECONFIGURATION = 'reconfiguration by definition'
 
 NAMED = ('mirror_3_strut', 'mirror_4_strut', 'mirror_overactuated', 'gough_stewart_6',
          'gough_stewart_8')
@@ -61,35 +59,20 @@ def path(mechanism: Mechanism) -> list[Configuration]:
     return found
 
 
-def derived_anew(
-    mechanism: Mechanism, readings: list[np.ndarray], *, whole: bool = False
-) -> Callable[[], object]:
-    """Return a call of the cycle at the next readings, each warm-started from the last.
-
-    A ``whole`` one makes all there is to know, too.
-    """
-    settings, none = Settings(), failure_set(mechanism, [])
-    law = CommandLaw(mechanism, settings)
-    situation = Situation(mechanism, settings, law)
+def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[], object]:
+    """Return a call of estimate and command at the next readings, each from the last."""
+    model, none = control_model(mechanism, Settings(), best_kernel()), failure_set(mechanism, [])
+    last, sent = model.unknown, no_command(model)
     velocity = np.full(len(mechanism.task.coordinates), 1e-5)
     velocity.setflags(write=False)
-    place = 0
+    count = 0
 
     def call() -> object:
-        nonlocal place
-        place = (place + 1) % len(readings)
-        values = readings[place]
-        taken = situation.shortcut(values, velocity, none)
-        if taken is not None:
-            found = [*map(taken.part, ('pose', 'drives', 'jacobian', 'mapping', 'rates'))]
-            if whole:
-                found = taken.followed
-        else:
-            situation.assess(values, none)
-            kinematics = situation.assessment.post.present
-            found = law.limited(law.resolved(kinematics, velocity), values)
-        situation.prepare(moves=True)
-        return found
+        nonlocal count, last, sent
+        count += 1
+        last = estimate(model, last, readings[count % len(readings)], none)
+        sent = rate_command(model, last, velocity, sent, 1e-3 * count)
+        return sent
 
     return call
 
@@ -111,11 +94,12 @@ class Cycles:
         self._supervisor.task_velocity(velocity, 0.0)
 
     def at_the_next(self) -> None:
-        """Take the next joint values and compute the command."""
+        """Take the next joint values, compute the command, and watch."""
         self._call += 1
         now = 1e-3 * self._call
         self._supervisor.joint_reading(self._readings[self._call % len(self._readings)], now)
         self._supervisor.step(now)
+        self._supervisor.watch()
 
     def as_before(self) -> None:
         """Compute the command again."""
@@ -159,7 +143,6 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
     stuck = failure_set(mechanism, [('position', mechanism.actuator_names[-1])])
     named = {
         CYCLE: derived_anew(mechanism, readings),
-        WHOLE: derived_anew(mechanism, readings, whole=True),
         STEP: Cycles(mechanism, readings).at_the_next,
         CACHED: Cycles(mechanism, readings).as_before,
         DEGRADED: Cycles(mechanism, readings, mechanism.actuator_names[-1]).at_the_next,

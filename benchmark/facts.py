@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from fault_tolerance.compiled.activation import Active
+from fault_tolerance.kernel.compilation import best_kernel
 
 PACKAGES = (
     'numpy', 'scipy', 'numba', 'ros-rclpy', 'ros-rmw-fastrtps-cpp', 'pin', 'pin-pink', 'mujoco',
@@ -27,13 +27,13 @@ def machine_facts() -> dict[str, Any]:
         'cpu': _cpu(),
         'cores': len(os.sched_getaffinity(0)),
         'load': list(os.getloadavg()),
-        'kernel': platform.release(),
         'python': sys.version.split()[0],
         'versions': {name: found for name in PACKAGES if (found := _version(name))},
         'executor': _executor(),
         'settings': {name: os.environ[name] for name in SETTINGS if name in os.environ},
         'scheduling': _scheduling(),
-        'compiled': Active.kernels is not None,
+        'kernel': platform.release(),
+        'compiled': best_kernel().compiled,
     }
 
 

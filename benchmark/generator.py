@@ -26,7 +26,7 @@ from benchmark.motion import circle
 from benchmark.prober import report, twist
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.messages import joint_state_to_msg
-from fault_tolerance.nodes.scheduling import scheduled_real_time
+from fault_tolerance.nodes.scheduling import set_realtime_priority
 
 VELOCITIES_EVERY = 10
 REPORTS_EVERY = 1.0
@@ -51,7 +51,7 @@ def main() -> int:
     clock = node.get_clock()
     zeros = 0.0 * places[0]
     names = mechanism.joint_state_names
-    scheduled_real_time(priority)
+    set_realtime_priority(priority)
     ctypes.CDLL(None).prctl(_TIMER_SLACK, 1, 0, 0, 0)
     gc.collect()
     gc.freeze()

@@ -1,7 +1,11 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All single and double measures: at once, and by a loop of the definitions."""
+"""All single and double measures, and those of the live metrics, over loops of the definitions.
+
+Library users call `pair_measures`, which is numpy: closed forms, and definitions where these lose
+digits. Metrics take p, t and h of every single further failure from the kernel.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +15,19 @@ from typing import Any
 import numpy as np
 
 from benchmark.cycle import in_turn
-from benchmark.names import DEFINITIONS, MEASURES, PAIRS
+from benchmark.names import DEFINITIONS, LIVE, LIVE_DEFINITIONS, MEASURES, PAIRS
 from benchmark.samples import main, row
-from fault_tolerance.kinematics.differential import DifferentialKinematics
-from fault_tolerance.kinematics.many_measures import pair_measures
-from fault_tolerance.kinematics.measures import (
-    next_failure,
+from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.kernel.compilation import best_kernel
+from fault_tolerance.kinematics.actuator_measures import (
+    pair_measures,
     position_measure,
     torque_measure,
 )
+from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.kinematics.failures import failure_set
+from fault_tolerance.kinematics.measures import hard_measures, next_failure
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -36,9 +44,33 @@ def by_definition(kinematics: DifferentialKinematics) -> list[float]:
     return [measure(kinematics, each) for each in chosen for measure in measures]
 
 
+def _live(repeats: int, calls: int) -> list[dict[str, Any]]:
+    """Return the rows of what the metrics take, p, t and h of all single failures."""
+    mechanism = mechanism_named('gough_stewart_8')
+    model = control_model(mechanism, Settings(), best_kernel())
+    found = estimate(
+        model, model.unknown, np.zeros(len(mechanism.actuators)), failure_set(mechanism, [])
+    )
+    post = found.post
+
+    def defined() -> object:
+        places = range(len(mechanism.actuators))
+        measures = (position_measure, torque_measure)
+        return [measure(post.present, [place]) for place in places for measure in measures], \
+            hard_measures(post)
+
+    return [
+        row(name, samples, mechanism=mechanism.name, struts=len(mechanism.struts))
+        for name, samples in zip(
+            (LIVE, LIVE_DEFINITIONS), in_turn([found.measures, defined], repeats, calls),
+            strict=True,
+        )
+    ]
+
+
 def run(repeats: int = 5, *, quick: bool = False) -> list[dict[str, Any]]:
     """Return the rows of the results."""
-    rows = []
+    rows = _live(repeats, 5 if quick else 50)
     for mechanism in (mechanism_named('gough_stewart_8'), evenly_spaced_mirror(8)):
         kinematics = reconfigured(home_rows(mechanism)).present
         found = in_turn(

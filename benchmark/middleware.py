@@ -206,7 +206,7 @@ def run(
                     lost[kind] += 1
         cpu = _cpu(conversation, processes, min(_BURST, 2 * rounds))
         kind = prober.executor_kind
-        derivations = _derivations(prober)
+        counted = {'reconfigurations': _reconfigurations(prober)}
     struts = len(mechanism_named(mechanism).struts)
     return [
         row(
@@ -216,7 +216,7 @@ def run(
             note=f'{rounds} a repeat, round trip between two processes, {kind}',
             lost=lost[name],
             **({'cpu_us': round(cpu[name], 1)} if name in cpu else {}),
-            **(derivations if name == 'report' else {}),
+            **(counted if name == 'report' else {}),
         )
         for name, values in samples.items()
     ]
@@ -266,24 +266,20 @@ def _cpu(conversation: Conversation, processes: Processes, count: int) -> dict[s
     return result
 
 
-def _derivations(prober: Prober) -> dict[str, int]:
-    """Return how many changes of failures the controller had anticipated, and how many not.
-
-    Half of them are releases, which it does not anticipate.
-    """
-    found: dict[str, int] = {}
+def _reconfigurations(prober: Prober) -> int:
+    """Return how many times the controller's set of failures has changed."""
+    found: list[int] = []
     mailbox = Mailbox(prober.node, DiagnosticArray, '/diagnostics')
 
     def counted() -> bool:
         for status in mailbox.last.status if mailbox.last else ():
             if status.name == 'fault_tolerance: controller':
                 counts = {pair.key: pair.value for pair in status.values}
-                for key in ('failures_anticipated', 'failures_derived'):
-                    found[key] = int(counts.get(key, '0'))
+                found.append(int(counts.get('reconfigurations', '0')))
         return bool(found)
 
     prober.wait(counted, "the controller's health")
-    return found
+    return found[-1]
 
 
 if __name__ == '__main__':

@@ -24,10 +24,15 @@ class Processes:
     ----------
     commands : mapping of str to list of str
         Module and arguments by a name of one's own.
+    settings : mapping of str to str, optional
+        Environment variables they have besides the present ones.
     """
 
-    def __init__(self, commands: Mapping[str, list[str]]) -> None:
+    def __init__(
+        self, commands: Mapping[str, list[str]], settings: Mapping[str, str] | None = None
+    ) -> None:
         self._commands = commands
+        self._environment = {**os.environ, **(settings or {})}
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Processes:
@@ -35,7 +40,7 @@ class Processes:
             # A group of its own: Ctrl-C reaches only the one who cleans up.
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', *command],
-                cwd=ROOT, env=dict(os.environ), start_new_session=True,
+                cwd=ROOT, env=self._environment, start_new_session=True,
             )
         return self
 

@@ -15,13 +15,20 @@ from typing import Any
 from benchmark.names import (
     ARRAY_ECHO,
     COMMAND,
+    COMPILATION,
     DEFINITIONS,
+    DEGRADED,
     FAILURE,
+    FIRST_START,
     GROWTH,
     JOINT_STATE_ECHO,
+    LIVE,
+    LIVE_DEFINITIONS,
     MEASURES,
     PAIRS,
     PINOCCHIO,
+    RELEASE,
+    RESTED_ECHO,
     STEP,
     SUSTAINED,
     SUSTAINED_REAL_TIME,
@@ -29,6 +36,7 @@ from benchmark.names import (
 from benchmark.samples import ratio
 
 Rows = Sequence[dict[str, Any]]
+_COMPARED = {4: 'mirror_4_strut', 8: 'gough_stewart_8'}
 
 
 @dataclass(frozen=True)
@@ -95,10 +103,24 @@ def _over(first: float | None, second: float | None) -> float | None:
     return None if first is None or second is None else first / second
 
 
-def _cycle_over_peer(struts: int) -> Callable[[Rows], float | None]:
+def _step_over_peer(struts: int) -> Callable[[Rows], float | None]:
+    name = _COMPARED[struts]
     return lambda rows: _over(
-        _p50(rows, STEP, struts=struts), _p50(rows, PINOCCHIO, struts=struts)
+        _p50(rows, STEP, mechanism=name), _p50(rows, PINOCCHIO, mechanism=name)
     )
+
+
+def _tail_with_a_failure(struts: int) -> Callable[[Rows], float | None]:
+    name = _COMPARED[struts]
+
+    def found(rows: Rows) -> float | None:
+        late = next((
+            row['p95_us'] for row in rows
+            if row['name'] == DEGRADED and row['mechanism'] == name
+        ), None)
+        return _over(late, _p50(rows, STEP, mechanism=name))
+
+    return found
 
 
 def _growth(rows: Rows) -> float | None:
@@ -125,7 +147,7 @@ def _extra(name: str, floor: str) -> Callable[[Rows], str]:
     return text
 
 
-def _cycle_text(rows: Rows) -> str:
+def _step_text(rows: Rows) -> str:
     names = (STEP, PINOCCHIO)
     figures = [f'{name} {_p50(rows, name, struts=n)} us (N={n})' for name in names for n in (4, 8)]
     return ', '.join(figures)
@@ -145,27 +167,41 @@ def _plain(*names: str) -> Callable[[Rows], str]:
 
 TARGETS = (
     Target(
-        'failure report -> first reconfigured command, over a bare echo', 1.5, 1.2,
+        'failure report -> first command, over the echo after the same pause', 1.35, 1.2,
+        lambda rows: ratio(rows, FAILURE, RESTED_ECHO), _extra(FAILURE, RESTED_ECHO),
+    ),
+    Target(
+        'failure report -> first command, over the echo in its turn', None, 1.5,
         lambda rows: ratio(rows, FAILURE, ARRAY_ECHO), _extra(FAILURE, ARRAY_ECHO),
     ),
     Target(
-        'joint state -> command, kinematics derived anew, over a bare echo', 1.6, 1.3,
+        'joint state -> command, over the echo in its turn', 1.25, 1.1,
         lambda rows: ratio(rows, COMMAND, JOINT_STATE_ECHO), _extra(COMMAND, JOINT_STATE_ECHO),
     ),
     Target(
-        'control cycle derived anew over pinocchio, N = 4', 1.0, 0.5, _cycle_over_peer(4),
-        _cycle_text,
+        'release -> first command, over the echo after the same pause', 1.5, 1.25,
+        lambda rows: ratio(rows, RELEASE, RESTED_ECHO), _extra(RELEASE, RESTED_ECHO),
+    ),
+    Target('whole step over pinocchio, N = 4', 0.6, 0.45, _step_over_peer(4), _step_text),
+    Target('whole step over pinocchio, N = 8', 0.3, 0.2, _step_over_peer(8), _step_text),
+    Target(
+        'p95 of the whole step with a failure, over the median without, N = 4', 2.5, 1.5,
+        _tail_with_a_failure(4), _step_text,
     ),
     Target(
-        'control cycle derived anew over pinocchio, N = 8', 1.0, 0.5, _cycle_over_peer(8),
-        _cycle_text,
+        'p95 of the whole step with a failure, over the median without, N = 8', 2.5, 1.5,
+        _tail_with_a_failure(8), _step_text,
     ),
     Target(
-        'all single and double measures over a loop of the definitions', 1 / 40, 1 / 70,
+        'all single and double measures over a loop of the definitions', 1 / 60, 1 / 100,
         _measures, _plain(MEASURES, DEFINITIONS),
     ),
     Target(
-        '1 kHz, all in: rate of commands', 990.0, 999.0,
+        'measures of the live metrics over a loop of the definitions', None, 1 / 60,
+        lambda rows: ratio(rows, LIVE, LIVE_DEFINITIONS), _plain(LIVE, LIVE_DEFINITIONS),
+    ),
+    Target(
+        '1 kHz, all in: rate of commands', 995.0, 999.0,
         lambda rows: _value(rows, SUSTAINED, 'rate_hz'), _sustained_text(SUSTAINED),
         at_least=True, unit='Hz',
     ),
@@ -174,10 +210,16 @@ TARGETS = (
         lambda rows: _value(rows, SUSTAINED_REAL_TIME, 'p99_us'),
         _sustained_text(SUSTAINED_REAL_TIME), unit='us',
     ),
+    Target('growth of the whole step, N = 4 -> 8', 1.4, 1.2, _growth, _step_text),
     Target(
-        'growth of the control cycle, N = 4 -> 8', 1.3, 1.1, _growth, _cycle_text,
+        'measures of all pairs, N = 1000', 0.1, 0.015, _pairs, _plain(PAIRS), unit='s',
     ),
     Target(
-        'measures of all pairs, N = 1000', 1.0, 0.2, _pairs, _plain(PAIRS), unit='s',
+        'first start, no cache: process start -> first command', 3.0, 1.5,
+        lambda rows: _over(_p50(rows, FIRST_START), 1e6), _plain(FIRST_START), unit='s',
+    ),
+    Target(
+        'compiling the kernel, processor time', None, 20.0,
+        lambda rows: _over(_p50(rows, COMPILATION), 1e6), _plain(COMPILATION), unit='s',
     ),
 )

@@ -6,17 +6,11 @@ p, t and h are the measures of a position, a torque and a hard failure: 1 if not
 the mirror can no longer be pointed.
 """
 
-from fault_tolerance import (
-    home_configuration,
-    mechanism_named,
-    next_failure,
-    reconfigured,
-    strut_rows,
-)
+import fault_tolerance as ft
 
 for name in ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated'):
-    mechanism = mechanism_named(name)
-    ahead = next_failure(reconfigured(strut_rows(home_configuration(mechanism))))
+    mechanism = ft.mechanism_named(name)
+    ahead = ft.after(mechanism).next_failure
     print(name)
     of_actuators = zip(mechanism.actuator_names, ahead.position, ahead.torque, strict=True)
     for actuator, p, t in of_actuators:

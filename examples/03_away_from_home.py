@@ -9,17 +9,14 @@ on flexures that absorb so weak a constraint, it can.
 
 import numpy as np
 
-from fault_tolerance import mechanism_named, reconfigured, solved_configuration, strut_rows
+import fault_tolerance as ft
 
-mechanism = mechanism_named('fsm_4_strut')  # compliance 0.05
-radius = mechanism.struts[0].joints[0].point[1]
+mechanism = ft.mechanism_named('fsm_4_strut')  # compliance 0.05
 print('tilt about x   weakest constraint   freedoms: rigid   on flexures')
 for tilt in (0.0, 0.001, 0.01, 0.05, 0.07, 0.08):
-    up = radius * np.tan(tilt)
-    configuration = solved_configuration(mechanism, {'theta_1': up, 'theta_3': -up})
-    rows = strut_rows(configuration)
-    rigid, flexible = reconfigured(rows.with_compliance(0.0)), reconfigured(rows)
-    weakest = np.linalg.svd(rows.structure, compute_uv=False)[-1]
+    flexible = ft.after(mechanism, pose={'wx': tilt})
+    rigid = ft.reconfigured(flexible.rows.with_compliance(0.0))
+    weakest = np.linalg.svd(flexible.rows.structure, compute_uv=False)[-1]
     print(f'{1e3 * tilt:7.0f} mrad   {weakest:18.5f}   {rigid.verdict.mobility:15}'
           f'   {flexible.verdict.mobility:11}')
 print(f'at {1e3 * tilt:.0f} mrad: {flexible.verdict.reason}')

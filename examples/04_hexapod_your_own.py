@@ -8,8 +8,7 @@ controller take it by its name (docs/adapting.md).
 
 from math import cos, radians, sin
 
-from fault_tolerance import home_configuration, next_failure, reconfigured, strut_rows
-from fault_tolerance.mechanism.files import mechanism_from_text
+import fault_tolerance as ft
 
 HEAD = """
 mechanism: my_hexapod
@@ -43,10 +42,10 @@ feet = (10, 110, 130, 230, 250, 350)
 heads = (50, 70, 170, 190, 290, 310)
 legs = [leg(i + 1, *angles) for i, angles in enumerate(zip(feet, heads, strict=True))]
 text = HEAD + ''.join(legs)
-mechanism = mechanism_from_text(text)
-state = reconfigured(strut_rows(home_configuration(mechanism)))
-ahead = next_failure(state)
-print(f'{mechanism.name}: {state.verdict.mobility} degrees of freedom')
+mechanism = ft.mechanism_from_text(text)
+post = ft.after(mechanism)
+ahead = post.next_failure
+print(f'{mechanism.name}: {post.verdict.mobility} degrees of freedom')
 for name, p, t in zip(mechanism.actuator_names, ahead.position, ahead.torque, strict=True):
     print(f'  {name}: p = {p:.4f} (stuck)  t = {t:.4f} (free)')
 print(f'worst next failure: {ahead.worst}')

@@ -6,13 +6,12 @@ The controller and the simulated mirror are the same that the nodes run. The mir
 circle of 1 mrad, one turn a second.
 """
 
-from fault_tolerance import mechanism_named
-from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-from fault_tolerance.control.settings import Settings
+import fault_tolerance as ft
 
-mechanism = mechanism_named('mirror_4_strut')
+mechanism = ft.mechanism_named('mirror_4_strut')
 for recovery in (True, False):
-    loop = ClosedLoop(mechanism, settings=LoopSettings(control=Settings(recovery=recovery)))
+    settings = ft.LoopSettings(control=ft.Settings(recovery=recovery))
+    loop = ft.ClosedLoop(mechanism, settings=settings)
     loop.run(0.5)
     healthy = loop.run(1.0)
     loop.inject('stuck theta_4')

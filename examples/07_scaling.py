@@ -7,14 +7,10 @@ On N evenly spaced struts a mirror keeps t = sqrt((N - 3) / N) of a free actuato
 degree of freedom that a stuck one takes.
 """
 
-from fault_tolerance import home_configuration, reconfigured, strut_rows
-from fault_tolerance.kinematics.closed_form import closed_form_measures
-from fault_tolerance.mechanism.generators import evenly_spaced_mirror
+import fault_tolerance as ft
 
 print('   N        p        t   t of the worst pair')
 for count in (3, 4, 5, 6, 8, 12, 30, 100, 300):
-    mirror = evenly_spaced_mirror(count)
-    kinematics = reconfigured(strut_rows(home_configuration(mirror))).present
-    measures = closed_form_measures(kinematics)
-    print(f'{count:4}   {measures.position.min():.4f}   {measures.torque.min():.4f}'
-          f'   {measures.torque_pairs.min():.4f}')
+    pairs = ft.after(ft.evenly_spaced_mirror(count)).pair_measures
+    p, t = pairs.position.diagonal(), pairs.torque.diagonal()  # of single ones
+    print(f'{count:4}   {p.min():.4f}   {t.min():.4f}   {pairs.torque.min():.4f}')

@@ -8,25 +8,30 @@ and follow a circle of 1 mrad. Needs the package mujoco: pip install '.[mujoco]'
 
 import numpy as np
 
-from fault_tolerance import mechanism_named
-from fault_tolerance.analysis.demonstration import PHASES
-from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-from fault_tolerance.control.settings import Settings
+import fault_tolerance as ft
 
 ENGINES = ('elastic', 'mujoco')
-MECHANISM = mechanism_named('mirror_4_strut')
+MECHANISM = ft.mechanism_named('mirror_4_strut')
+PHASES = {
+    'healthy': [],
+    'theta_4 stuck': ['stuck:theta_4'],
+    'theta_2 free': ['free:theta_2'],
+    'strut_3 lost': ['lost:strut_3'],
+    'theta_1 stuck, theta_3 free': ['stuck:theta_1', 'free:theta_3'],
+    'theta_1, theta_2 stuck': ['stuck:theta_1', 'stuck:theta_2'],
+}
 
 
 def traces(engine, recovery):
     """Return what happened in each phase, just after its failure and in the turn after that."""
-    loop = ClosedLoop(MECHANISM, settings=LoopSettings(
-        period=0.01, lead=0.006, engine=engine, control=Settings(recovery=recovery)))
+    loop = ft.ClosedLoop(MECHANISM, settings=ft.LoopSettings(
+        period=0.01, lead=0.006, engine=engine, control=ft.Settings(recovery=recovery)))
     loop.run(1.0)
     found = []
-    for phase in PHASES:
+    for failures in PHASES.values():
         before = loop.run(0.1)
-        for words in phase.words:
-            loop.inject(words)
+        for failure in failures:
+            loop.inject(failure.replace(':', ' '))
         at_once, settled = loop.run(0.5), loop.run(1.0)
         force = max(trace.peak_force(before.mean_efforts) for trace in (at_once, settled))
         found.append((at_once, settled, force))
@@ -50,11 +55,11 @@ for recovery in (True, False):
     for phase, (first, elastic, force), (second, mujoco, other_force) in both:
         at_once = float(np.linalg.norm(first.error - second.error, axis=1).max())
         settled = rms(elastic.error - mujoco.error)
-        if recovery and phase.is_tolerable(MECHANISM):
+        if recovery and ft.after(MECHANISM, PHASES[phase]).verdict.tolerable:
             tracked.append(settled)
         else:
             lost.append((settled, elastic.error_rms))
-        print(f'  {phase.name:27} {mujoco.states[-1].value:8} {1e6 * elastic.error_rms:8.1f} '
+        print(f'  {phase:27} {mujoco.states[-1].value:8} {1e6 * elastic.error_rms:8.1f} '
               f'{1e6 * mujoco.error_rms:8.1f} {1e6 * at_once:9.2f} {1e6 * settled:8.2f} '
               f'{force:9.2f} {other_force:7.2f}')
 print(f'Where the controller recovers, the engines differ by {1e6 * max(tracked):.2f} urad rms;')

@@ -3,50 +3,88 @@
 
 """Fault tolerance of parallel manipulators: reconfiguration, measures and live recovery.
 
-The names a user needs, in the order of use::
+The order of use::
 
-    mechanism = mechanism_named('fsm_4_strut')
-    configuration = solved_configuration(mechanism, {'theta_1': 0.01})
-    state = reconfigured(strut_rows(configuration), failure_set(mechanism, [('stuck', 'theta_4')]))
-    state.verdict, present_measures(state), next_failure(state)
+    import fault_tolerance as ft
+    mechanism = ft.mechanism_named('fsm_4_strut')
+    post = ft.after(mechanism, ['stuck:theta_4'], at={'theta_1': 0.01})
+    post.verdict, post.jacobian, post.mapping
+    post.measures, post.next_failure, post.pair_measures
+    ft.resolved_rate(post.present, [0.01, 0.02, 0.0]).rates
 """
 
-from fault_tolerance.errors import ClosureError, FailureError, FaultToleranceError, MechanismError
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from fault_tolerance.errors import (
+    ArrayError,
+    ClosureError,
+    EngineError,
+    FailureError,
+    FaultToleranceError,
+    MechanismError,
+)
+from fault_tolerance.kinematics.actuator_measures import pair_measures
+from fault_tolerance.kinematics.conversion import best_conversion
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet, failure_set
 from fault_tolerance.kinematics.measures import next_failure, present_measures
-from fault_tolerance.kinematics.reconfiguration import PostFailure, Verdict, reconfigured
+from fault_tolerance.kinematics.paper_formulas import (
+    position_measure_by_theorem_2,
+    torque_measure_by_theorem_4,
+)
+from fault_tolerance.kinematics.reconfiguration import PostFailure, after, reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
+from fault_tolerance.kinematics.verdict import Verdict
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path, shipped_names
 from fault_tolerance.mechanism.configuration import (
     Configuration,
     fitted_configuration,
     home_configuration,
+    posed_configuration,
     solved_configuration,
 )
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.files import mechanism_from_file
+from fault_tolerance.mechanism.files import mechanism_from_file, mechanism_from_text
+from fault_tolerance.mechanism.generators import evenly_spaced_mirror
+
+if TYPE_CHECKING:
+    from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
+    from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
+    from fault_tolerance.control.settings import Settings
+    from fault_tolerance.control.supervisor import Supervisor
 
 __all__ = [
-    'ClosureError',
-    'Configuration',
-    'Failure',
-    'FailureError',
-    'FailureMode',
-    'FailureSet',
-    'FaultToleranceError',
-    'Mechanism',
-    'MechanismError',
-    'PostFailure',
-    'Verdict',
-    'failure_set',
-    'fitted_configuration',
-    'home_configuration',
-    'mechanism_from_file',
-    'mechanism_named',
-    'next_failure',
-    'present_measures',
-    'reconfigured',
-    'shipped_names',
-    'solved_configuration',
-    'strut_rows',
+    'ArrayError', 'ClosedLoop', 'ClosureError', 'Configuration', 'EngineError', 'Failure',
+    'FailureError', 'FailureMode', 'FailureSet', 'FaultToleranceError', 'LoopSettings',
+    'Mechanism', 'MechanismError', 'PostFailure', 'ResolvedRate', 'Settings', 'Supervisor',
+    'Verdict', 'after', 'best_conversion', 'evenly_spaced_mirror', 'failure_set',
+    'fitted_configuration', 'home_configuration', 'mechanism_from_file', 'mechanism_from_text',
+    'mechanism_named', 'mechanism_path', 'next_failure', 'pair_measures',
+    'posed_configuration', 'position_measure_by_theorem_2', 'present_measures', 'reconfigured',
+    'resolved_rate', 'shipped_names', 'solved_configuration', 'strut_rows',
+    'torque_measure_by_theorem_4',
 ]
+
+# Control and simulation take as long to import as all the rest: only where they are used.
+_LAZY = {
+    'ClosedLoop': 'closed_loop',
+    'LoopSettings': 'closed_loop',
+    'ResolvedRate': 'control.resolved_rate',
+    'Settings': 'control.settings',
+    'Supervisor': 'control.supervisor',
+    'resolved_rate': 'control.resolved_rate',
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the names of `_LAZY` when they are first used."""
+    if name not in _LAZY:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(import_module(f'{__name__}.{_LAZY[name]}'), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return all names, those not yet imported too."""
+    return sorted({*globals(), *__all__})

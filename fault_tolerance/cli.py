@@ -9,7 +9,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import inf, isfinite
 from pathlib import Path
@@ -19,8 +19,10 @@ from fault_tolerance import commands
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
-from fault_tolerance.compiled.activation import activate
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.kernel.compilation import announced_kernel
+from fault_tolerance.kinematics.reconfiguration import PostFailure, after
+from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.reference import Circle, Raster
 
@@ -30,7 +32,7 @@ INTERRUPTED = 130
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says what is wrong in one line."""
+    """A parser whose error message is one line."""
 
     def error(self, message: str) -> NoReturn:
         """Print ``message`` and leave."""
@@ -39,17 +41,20 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 0, 2 for bad input, 130 if interrupted."""
+    """Run the command line with ``arguments`` (default: those of the process).
+
+    Returns the exit code: 0, 2 for bad input, 130 if interrupted.
+    """
     parser = _parser()
     chosen = parser.parse_args(arguments)
     try:
-        code: int = chosen.run(chosen)
+        code: int | None = chosen.run(chosen)
         if sys.stdout is not None:
             sys.stdout.flush()
     except FaultToleranceError as error:
         return _complaint(parser.prog, str(error))
     except BrokenPipeError:
-        # The reader (head, for example) has gone; nothing is left to say.
+        # The reader of the pipe has gone.
         _drop_output()
         return 0
     except OSError as error:
@@ -59,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complaint(parser.prog, f'cannot write in this encoding: {error}')
     except KeyboardInterrupt:
         return INTERRUPTED
-    return code
+    return code or 0
 
 
 def _complaint(program: str, reason: str) -> int:
@@ -68,7 +73,7 @@ def _complaint(program: str, reason: str) -> int:
 
 
 def _drop_output() -> None:
-    """Let what is still buffered go nowhere, or Python complains about it at its end."""
+    """Discard buffered output: flushing it at exit would fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -77,118 +82,99 @@ def _parser() -> argparse.ArgumentParser:
         prog='fault_tolerance',
         description='Fault tolerance of parallel manipulators: measures, and live recovery.',
     )
-    subparsers = parser.add_subparsers(required=True, metavar='COMMAND', parser_class=_Parser)
+    added = parser.add_subparsers(required=True, metavar='COMMAND', parser_class=_Parser)
 
-    measures = subparsers.add_parser('measures', help='what may fail, and what it costs')
-    _add_state(measures)
-    measures.add_argument('--pairs', action='store_true', help='every pair of further failures')
-    _add_forms(measures, 'json', 'csv')
-    measures.set_defaults(run=_measures)
+    def command(run: Callable[[argparse.Namespace], int | None], words: str) -> _Parser:
+        """Return the parser of the command that ``run``, named as it is, carries out."""
+        one: _Parser = added.add_parser(run.__name__.removeprefix('_'), help=words)
+        one.set_defaults(run=run)
+        return one
 
-    table = subparsers.add_parser('table', help="the paper's Table I for given mechanisms")
-    table.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
-    _add_forms(table, 'json', 'csv')
-    table.set_defaults(run=_table)
+    one = command(_measures, 'what may fail, and what it costs')
+    _add_state(one)
+    one.add_argument('--pairs', action='store_true', help='every pair of further failures')
+    _add_forms(one)
 
-    check = subparsers.add_parser('check', help='examine a mechanism (file), and draw it')
-    _add_state(check)
-    check.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
-    _add_forms(check, 'json', 'csv')
-    check.set_defaults(run=_check)
+    one = command(_table, "the paper's Table I for given mechanisms")
+    one.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
+    _add_forms(one)
 
-    demo = subparsers.add_parser('demo', help='failures and recovery live, with the ROS nodes')
-    demo.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
-    demo.add_argument(
+    one = command(_check, 'examine a mechanism (file), and draw it')
+    _add_state(one)
+    one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
+    _add_forms(one)
+
+    one = command(_demo, 'failures and recovery live, with the ROS nodes')
+    one.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
+    one.add_argument(
         '--engine', choices=ENGINES, default=ENGINES[0], help='what simulates the mirror'
     )
-    demo.set_defaults(run=_demo)
 
-    watch = subparsers.add_parser('watch', help='look at a running controller')
-    watch.add_argument('--namespace', default='', help='of the controller')
-    watch.add_argument(
+    one = command(_watch, 'look at a running controller')
+    one.add_argument('--namespace', default='', help='of the controller')
+    one.add_argument(
         '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
     )
-    watch.add_argument(
+    one.add_argument(
         '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
     )
-    watch.set_defaults(run=_watch)
 
-    report = subparsers.add_parser('report', help='figure and page of a recorded run')
-    report.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
-    report.add_argument(
+    one = command(_report, 'figure and page of a recorded run')
+    one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
+    one.add_argument(
         '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
     )
-    report.add_argument('--namespace', help='of the robot, if there are several in the bag')
-    report.set_defaults(run=_report)
+    one.add_argument('--namespace', help='of the robot, if there are several in the bag')
 
-    campaign = subparsers.add_parser(
-        'campaign', help='every single and double failure in simulation, against the theory'
-    )
-    campaign.add_argument(
-        '--mechanism',
-        action='append',
-        dest='mechanisms',
-        metavar='MECHANISM',
-        help=f'a shipped one or a file, as often as you like (default: {" ".join(MECHANISMS)})',
-    )
-    campaign.add_argument('--singles', action='store_true', help='no pairs of failures')
-    campaign.add_argument(
-        '--jobs', type=_positive, metavar='N', help='trials at a time (default: all cores)'
-    )
-    campaign.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')
-    campaign.add_argument(
-        '--reference',
-        choices=('raster', 'circle'),
-        default='raster',
-        help='what the mirror follows (default: raster)',
-    )
-    campaign.add_argument(
-        '--output', default='campaign_output', metavar='FOLDER', help='for the results'
-    )
-    campaign.set_defaults(run=_campaign)
-
-    inject = subparsers.add_parser('inject', help='break or mend the running simulated mirror')
-    inject.add_argument(
+    one = command(_campaign, 'every single and double failure in simulation, against the theory')
+    _add_trials(one)
+    command(_inject, 'break or mend the running simulated mirror').add_argument(
         'words', nargs='+', metavar='WORD', help='as for the topic: stuck theta_4, ok all'
     )
-    inject.set_defaults(run=_inject)
-
-    clear = subparsers.add_parser('clear', help='let the running controller release failures')
-    clear.set_defaults(run=_clear)
+    command(_clear, 'let the running controller release failures')
     return parser
 
 
 def _add_state(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    place = parser.add_mutually_exclusive_group()
+    for option, what in (('--at', 'an actuator value'), ('--pose', 'a task coordinate')):
+        place.add_argument(
+            option, action='append', type=_value, metavar='NAME=VALUE',
+            help=f'{what} (m or rad from home); those left out are solved, nearest home',
+        )
     parser.add_argument(
-        '--at',
-        action='append',
-        default=[],
-        type=_value,
-        metavar='NAME=VALUE',
-        help='an actuator value (m or rad from home); those left out are solved, nearest home',
-    )
-    parser.add_argument(
-        '--failed',
-        action='append',
-        default=[],
-        type=_failure,
-        metavar='MODE:NAME',
+        '--failed', action='append', default=[], type=_failure, metavar='MODE:NAME',
         help='a failure present: position, torque or hard, of an actuator or a strut',
     )
 
 
-def _add_forms(parser: argparse.ArgumentParser, *forms: commands.Form) -> None:
+def _add_forms(parser: argparse.ArgumentParser) -> None:
     group = parser.add_mutually_exclusive_group()
-    for form in forms:
+    for form in ('json', 'csv'):
         group.add_argument(
-            f'--{form}',
-            dest='form',
-            action='store_const',
-            const=form,
-            default='text',
+            f'--{form}', dest='form', action='store_const', const=form, default='text',
             help=f'as {form.upper()}, for programs',
         )
+
+
+def _add_trials(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        '--mechanism', action='append', dest='mechanisms', metavar='MECHANISM',
+        help=f'a shipped one or a file, as often as you like (default: {" ".join(MECHANISMS)})',
+    )
+    parser.add_argument('--singles', action='store_true', help='no pairs of failures')
+    parser.add_argument(
+        '--jobs', type=_positive, metavar='N', help='trials at a time (default: all cores)'
+    )
+    parser.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')
+    parser.add_argument(
+        '--reference', choices=('raster', 'circle'), default='raster',
+        help='what the mirror follows (default: raster)',
+    )
+    parser.add_argument(
+        '--output', default='campaign_output', metavar='FOLDER', help='for the results'
+    )
 
 
 def _value(text: str) -> tuple[str, float]:
@@ -215,81 +201,72 @@ def _failure(text: str) -> tuple[str, str]:
     return mode, name
 
 
-def _measures(chosen: argparse.Namespace) -> int:
-    commands.measures(
-        chosen.mechanism, _values(chosen.at), chosen.failed, chosen.form, pairs=chosen.pairs
-    )
-    return 0
+def _measures(chosen: argparse.Namespace) -> None:
+    commands.measures(_state(chosen), chosen.form, pairs=chosen.pairs)
 
 
-def _table(chosen: argparse.Namespace) -> int:
+def _table(chosen: argparse.Namespace) -> None:
     commands.table(chosen.mechanisms, chosen.form)
-    return 0
 
 
-def _check(chosen: argparse.Namespace) -> int:
-    commands.check(
-        chosen.mechanism, _values(chosen.at), chosen.failed, chosen.form, chosen.draw
-    )
-    return 0
+def _check(chosen: argparse.Namespace) -> None:
+    commands.check(_state(chosen), chosen.form, chosen.draw)
 
 
-def _values(pairs: Sequence[tuple[str, float]]) -> dict[str, float]:
-    values = dict(pairs)
-    if len(values) != len(pairs):
-        raise FaultToleranceError('--at names an actuator twice')
-    return values
+def _state(chosen: argparse.Namespace) -> PostFailure:
+    mechanism = mechanism_named(chosen.mechanism)
+    for option, what in (('at', 'an actuator'), ('pose', 'a coordinate')):
+        names = [name for name, _ in getattr(chosen, option) or ()]
+        if len(set(names)) < len(names):
+            raise FaultToleranceError(f'--{option} names {what} twice')
+    at, pose = (None if pairs is None else dict(pairs) for pairs in (chosen.at, chosen.pose))
+    return after(mechanism, chosen.failed, at=at, pose=pose)
 
 
 def _demo(chosen: argparse.Namespace) -> int:
     require_engine(chosen.engine)
     with _needing_rclpy():
-        from fault_tolerance.nodes.demonstration import demonstrate
-    # The nodes are waited for only so long; without numba this comes to nothing.
-    activate(print)
+        from fault_tolerance.nodes.live_demo import demonstrate
+    # Compiles where that was never done: the nodes are waited for only so long.
+    announced_kernel()
     return demonstrate(Path(chosen.output), engine=chosen.engine)
 
 
 def _watch(chosen: argparse.Namespace) -> int:
     with _needing_rclpy():
-        from fault_tolerance.nodes.watch_command import watch
+        from fault_tolerance.nodes.watch_cli import watch
     return watch(chosen.namespace, chosen.mechanism, chosen.duration)
 
 
-def _report(chosen: argparse.Namespace) -> int:
+def _report(chosen: argparse.Namespace) -> None:
     commands.report(chosen.bag, chosen.output, chosen.namespace)
-    return 0
 
 
 def _campaign(chosen: argparse.Namespace) -> int:
+    raster = chosen.reference == 'raster'
     settings = TrialSettings(
-        reference=Raster(frequency=1.0) if chosen.reference == 'raster' else Circle(),
-        # A circle begins with a jump to it, which takes a while to forget.
-        warm_up=1.0 if chosen.reference == 'raster' else 3.0,
+        reference=Raster(frequency=1.0) if raster else Circle(),
+        # A circle begins with a jump, whose transient has to decay.
+        warm_up=1.0 if raster else 3.0,
         seed=chosen.seed,
         clock=time.thread_time,
     )
     return run_campaign(
-        Path(chosen.output),
-        chosen.mechanisms or MECHANISMS,
-        doubles=not chosen.singles,
-        jobs=chosen.jobs,
-        settings=settings,
+        Path(chosen.output), chosen.mechanisms or MECHANISMS,
+        doubles=not chosen.singles, jobs=chosen.jobs, settings=settings,
     )
 
 
-def _inject(chosen: argparse.Namespace) -> int:
+def _inject(chosen: argparse.Namespace) -> None:
     with _needing_rclpy():
-        from fault_tolerance.nodes.hand import inject
+        from fault_tolerance.nodes.operator_cli import inject
     print(inject(' '.join(chosen.words)))
-    return 0
 
 
-def _clear(_: argparse.Namespace) -> int:
+def _clear(_: argparse.Namespace) -> None:
     with _needing_rclpy():
-        from fault_tolerance.nodes.hand import clear
+        from fault_tolerance.nodes.operator_cli import clear
     print(clear())
-    return 0
 
 
 @contextmanager

@@ -10,26 +10,23 @@ and simulation meet.
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from fault_tolerance.control.failure_reports import ERROR, OK, Report
 from fault_tolerance.control.pointing import PointingLoop, platform_error
-from fault_tolerance.control.recovery import State
-from fault_tolerance.control.reports import OK, Report
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.faults import FaultBook, fault_command
+from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.reference import Circle, Reference
-from fault_tolerance.simulation.settings import PlantSettings
 from fault_tolerance.simulation.state import Plant
-
-ERROR_LEVEL = 2
 
 
 @dataclass(frozen=True)
@@ -64,20 +61,11 @@ class LoopSettings:
 class Trace:
     """What happened, one entry a period.
 
-    Attributes
-    ----------
-    time : (k,) array
-        Seconds since the loop was made.
-    error : (k, 2) array
-        Reference less true rotation about x and y, radians.
-    major_error : (k, m) array
-        The same for every major coordinate: radians, and displacements from home divided by the
-        characteristic length. Of a mirror, whose task is to point, it is `error`.
-    efforts : (k, N) array
-        What the actuators push with, N or N m.
-    rates : (k, N) array
-        The rates commanded, in the mechanism's order.
-    states : tuple of State
+    ``time`` (k,) is in seconds since the loop was made, ``error`` (k, 2) the reference less the
+    true rotation about x and y, radians. ``major_error`` (k, m) is the same for every major
+    coordinate: radians, and displacements from home divided by the characteristic length. Of a
+    mirror, whose task is to point, it is `error`. ``efforts`` (k, N) are what the actuators push
+    with, N or N m, ``rates`` (k, N) those commanded, in the mechanism's order.
     """
 
     time: FloatArray
@@ -98,7 +86,7 @@ class Trace:
         return _rms(self.major_error)
 
     def peak_force(self, preload: FloatArray) -> float:
-        """Return the largest effort beyond ``preload`` (N,)."""
+        """Return the largest effort beyond ``preload`` (N,), in N or N m."""
         return float(np.abs(self.efforts - preload).max())
 
     @property
@@ -124,7 +112,7 @@ class ClosedLoop:
     Raises
     ------
     MechanismError
-        If the mechanism cannot point, or is given by numbers.
+        If the mechanism cannot point, or is given by its Jacobian.
     """
 
     def __init__(
@@ -139,16 +127,19 @@ class ClosedLoop:
             reason = f'cannot point, {missing[0]} is not among the coordinates'
             raise MechanismError(mechanism.name, 'task', reason)
         self.mechanism = mechanism
-        self.settings = settings or LoopSettings()
+        self.settings = chosen = settings or LoopSettings()
         self._reference = reference or Circle()
-        chosen = self.settings
         self.plant = plant or plant_named(chosen.engine, mechanism, chosen.plant, chosen.seed)
-        self.supervisor = Supervisor(mechanism, self.settings.control)
+        self.supervisor = Supervisor(mechanism, chosen.control)
         self._book = FaultBook()
         self._now = 0.0
 
     def inject(self, words: str) -> None:
-        """Break or mend parts, in the words of the fault injection topic, and report it."""
+        """Break or mend parts, in the words of the fault injection topic, and report it.
+
+        ``words`` are ``[silent] MODE NAME``, as in ``stuck theta_4`` or ``ok all``. FailureError
+        if they do not follow the grammar, or there is no such part.
+        """
         command = fault_command(self.mechanism, words)
         self.plant.apply(command)
         book = self._book.after(command)
@@ -156,9 +147,7 @@ class ClosedLoop:
             return
         self._book = book
         reports = [
-            Report(
-                ('drive', target), target, mode, OK if mode == 'none' else ERROR_LEVEL, self._now
-            )
+            Report(('drive', target), target, mode, OK if mode == 'none' else ERROR, self._now)
             for target, mode in book.reports
         ]
         self.supervisor.reports(reports, self._now)
@@ -168,13 +157,13 @@ class ClosedLoop:
         self.supervisor.clear(self._now)
 
     def forked(self, seed: int) -> ClosedLoop:
-        """Return a copy that goes on from here by itself, with sensor noise of the seed given."""
+        """Return a copy that goes on from here by itself, with sensor noise of ``seed``."""
         twin = copy.deepcopy(self)
         twin.plant.reseed(seed)
         return twin
 
     def run(self, duration: float) -> Trace:
-        """Let ``duration`` seconds pass and return what happened."""
+        """Let ``duration`` seconds, rounded to whole periods, pass and return what happened."""
         count = max(1, round(duration / self.settings.period))
         task = self.mechanism.task
         time, error = np.zeros(count), np.zeros((count, 6))
@@ -187,9 +176,7 @@ class ClosedLoop:
             seen = self.plant.step(self.settings.period)
             angle = self._reference.angle(now)
             rate = self._reference.rate(now + self.settings.lead)
-            twist = self.settings.pointing.velocity(
-                seen.pose, self.mechanism.origin, angle, rate
-            )
+            twist = self.settings.pointing.velocity(seen.pose, self.mechanism.origin, angle, rate)
             self.supervisor.task_velocity(twist[task.rows], now)
             self.supervisor.joint_reading(seen.measured_values, now)
             output = self.supervisor.step(now)
@@ -202,11 +189,6 @@ class ClosedLoop:
         scale[3:] = 1.0 / self.mechanism.characteristic_length
         major = (error * scale)[:, task.rows[task.major_rows]]
         return Trace(time, error[:, :2], major, efforts, rates, tuple(states))
-
-
-def failure_words(failures: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Return the injection words for pairs (mode, name)."""
-    return tuple(f'{mode} {name}' for mode, name in failures)
 
 
 def _rms(vectors: FloatArray) -> float:

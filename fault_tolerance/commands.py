@@ -12,12 +12,12 @@ from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 
 from fault_tolerance.analysis.check_tables import check_table
 from fault_tolerance.analysis.checks import check_report
-from fault_tolerance.analysis.demonstration import summary, summary_table
-from fault_tolerance.analysis.recording import recordings_of
+from fault_tolerance.analysis.demo_summary import summary, summary_table
+from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
 from fault_tolerance.analysis.runs import run_of
 from fault_tolerance.analysis.tables import (
@@ -27,74 +27,45 @@ from fault_tolerance.analysis.tables import (
     paper_rows,
     paper_table,
 )
-from fault_tolerance.errors import ClosureError, FaultToleranceError
-from fault_tolerance.kinematics.failures import failure_set
-from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
-from fault_tolerance.kinematics.rows import strut_rows
+from fault_tolerance.analysis.terminal import console_for_text
+from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.mechanism.configuration import Configuration, solved_configuration
 
 Form = Literal['text', 'json', 'csv']
 
 
-def measures(
-    name: str,
-    at: Mapping[str, float],
-    failed: Iterable[tuple[str, str]],
-    form: Form,
-    *,
-    pairs: bool,
-) -> None:
-    """Print what the mechanism ``name`` can lose, and what it costs."""
-    _, state = _examined(name, at, failed)
-    report = measures_report(state, pairs=pairs)
-    if form == 'json':
-        _print_json(report)
-    elif form == 'csv':
-        _print_csv(measures_records(report))
-    else:
-        _print_text(measures_table(report))
+def measures(post: PostFailure, form: Form, *, pairs: bool) -> None:
+    """Print what the mechanism of ``post`` can lose and what it costs, in ``form``.
+
+    ``pairs`` adds every pair of further failures.
+    """
+    report = measures_report(post, pairs=pairs)
+    _print(form, report, measures_records(report), measures_table(report))
 
 
 def table(names: Sequence[str], form: Form) -> None:
-    """Print the paper's Table I for the mechanisms ``names``."""
-    reports = [measures_report(_examined(name, {}, [])[1]) for name in names]
-    if form == 'json':
-        _print_json(paper_rows(reports))
-    elif form == 'csv':
-        _print_csv(paper_records(reports))
-    else:
-        _print_text(paper_table(reports))
+    """Print the paper's Table I for mechanisms or files ``names``, in ``form``."""
+    reports = [measures_report(after(mechanism_named(name))) for name in names]
+    _print(form, paper_rows(reports), paper_records(reports), paper_table(reports))
 
 
-def check(
-    name: str,
-    at: Mapping[str, float],
-    failed: Iterable[tuple[str, str]],
-    form: Form,
-    picture: Path | None,
-) -> None:
-    """Print the examination of the mechanism ``name``, and draw it into ``picture``."""
-    configuration, state = _examined(name, at, failed)
-    report = check_report(configuration, state)
+def check(post: PostFailure, form: Form, picture: Path | None) -> None:
+    """Print the examination of the mechanism of ``post`` in ``form``; draw it into ``picture``."""
+    report = check_report(post.configuration, post)
     if picture is not None:
-        draw(configuration, state, picture)
-    if form == 'json':
-        _print_json(report)
-    elif form == 'csv':
-        _print_csv([('key', 'value'), *flattened(report)])
-    else:
-        _print_text(check_table(report))
+        draw(post, picture)
+    _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
-    """Return the leaves of JSON data with their dotted paths, places in lists counted from 0."""
-    if isinstance(content, Mapping):
-        items: Iterable[tuple[Any, Any]] = content.items()
-    elif isinstance(content, list):
-        items = enumerate(content)
-    else:
+    """Return the leaves of JSON ``content`` with their dotted paths below ``path``, for CSV.
+
+    Places in lists are counted from 0; None becomes an empty text.
+    """
+    if not isinstance(content, (Mapping, list, tuple)):
         return [(path, '' if content is None else content)]
+    items = content.items() if isinstance(content, Mapping) else enumerate(content)
     return [
         leaf
         for key, value in items
@@ -102,15 +73,18 @@ def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
     ]
 
 
-def draw(configuration: Configuration, state: PostFailure, picture: Path) -> None:
-    """Write a drawing of the mechanism in the format of the ending of ``picture``."""
+def draw(post: PostFailure, picture: Path) -> None:
+    """Write a drawing of ``post`` to ``picture``, whose ending says the format.
+
+    FaultToleranceError without matplotlib, or if the file cannot be written.
+    """
     try:
-        # Only this needs matplotlib, which a robot may well not have.
+        # matplotlib is optional, and needed here only.
         from fault_tolerance.analysis.drawing import mechanism_figure, save_figure
     except ImportError as error:
         reason = f'drawing needs matplotlib, which is not installed ({error})'
         raise FaultToleranceError(reason) from None
-    figure = mechanism_figure(configuration, state.failures)
+    figure = mechanism_figure(post.configuration, post.failures)
     try:
         save_figure(figure, picture)
     except (OSError, ValueError) as error:
@@ -118,51 +92,40 @@ def draw(configuration: Configuration, state: PostFailure, picture: Path) -> Non
 
 
 def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
-    """Print what the recording ``bag`` shows, and write the report of it."""
+    """Print what the recording ``bag`` shows, and write the report of it to ``folder``.
+
+    ``bag`` is an .mcap or .db3 file, or the folder of a bag; without a ``folder`` the report goes
+    beside it. ``namespace`` is that of the robot, if there are several in the bag.
+    FaultToleranceError without rosbags and matplotlib, or if the recording cannot be used.
+    """
     try:
-        # Only this needs rosbags and matplotlib, which a robot may well not have.
+        # rosbags and matplotlib are optional, and needed here only.
         from fault_tolerance.analysis.bags import read_messages
         from fault_tolerance.analysis.report_page import write_report
     except ImportError as error:
         reason = f'reports need rosbags and matplotlib: {error.name} is not installed'
         raise FaultToleranceError(reason) from None
     run = run_of(recordings_of(read_messages(bag)), namespace)
-    _print_text(summary_table(summary(run)))
+    _print('text', None, (), summary_table(summary(run)))
     if folder is None:
         folder = bag if bag.is_dir() else bag.parent
     for path in write_report(run, folder):
         print(path)
 
 
-def _examined(
-    name: str, at: Mapping[str, float], failed: Iterable[tuple[str, str]]
-) -> tuple[Configuration, PostFailure]:
-    mechanism = mechanism_named(name)
-    failures = failure_set(mechanism, failed)
-    try:
-        configuration = solved_configuration(mechanism, at)
-    except ClosureError:
-        # A lost strut may have hung on to a place the others have left since.
-        if not failures.lost:
-            raise
-        configuration = solved_configuration(mechanism, at, lost=failures.lost)
-    return configuration, reconfigured(strut_rows(configuration), failures)
-
-
-def _print_text(content: RenderableType) -> None:
-    # Names are written as they are, even if they look like rich's markup.
-    console = Console(markup=False, emoji=False, highlight=False)
-    # rich ends the whole program itself when the reader has gone.
-    with console.capture() as text:
-        console.print(content)
-    print(text.get(), end='')
-
-
-def _print_json(content: object) -> None:
-    print(json.dumps(content, indent=2, allow_nan=False))
-
-
-def _print_csv(records: Iterable[Sequence[Any]]) -> None:
+def _print(
+    form: Form, content: object, records: Iterable[Sequence[Any]], shown: RenderableType
+) -> None:
+    """Print in ``form``: ``content`` as JSON, ``records`` as CSV or ``shown`` as text."""
     text = StringIO()
-    csv.writer(text, lineterminator='\n').writerows(records)
+    if form == 'json':
+        text.write(json.dumps(content, indent=2, allow_nan=False) + '\n')
+    elif form == 'csv':
+        csv.writer(text, lineterminator='\n').writerows(records)
+    else:
+        # Names may look like rich's markup. On a broken pipe rich would end the program itself.
+        console = console_for_text(markup=False, emoji=False, highlight=False)
+        with console.capture() as captured:
+            console.print(shown)
+        text.write(captured.get())
     print(text.getvalue(), end='')

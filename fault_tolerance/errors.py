@@ -11,79 +11,47 @@ class FaultToleranceError(Exception):
 
 
 class ArrayError(FaultToleranceError, ValueError):
-    """An array has the wrong shape or holds a number that is not finite.
-
-    Attributes
-    ----------
-    name : str
-        What the array is.
-    reason : str
-        What is wrong with it.
-    """
+    """The array ``name`` has the wrong shape or a number that is not finite: ``reason``."""
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f'{name}: {reason}')
-        self.name = name
-        self.reason = reason
+        self.name, self.reason = name, reason
 
 
 class MechanismError(FaultToleranceError, ValueError):
     """A mechanism's description cannot be used.
 
-    Attributes
-    ----------
-    source : str
-        The file, or the name of the mechanism.
-    key : str
-        Where in it, as a dotted path.
-    reason : str
-        What is wrong there.
+    ``source`` is the file or the name of the mechanism, ``key`` where in it, as a dotted path, and
+    ``reason`` what is wrong there.
     """
 
     def __init__(self, source: str, key: str, reason: str) -> None:
         super().__init__(f'{source}: {key}: {reason}' if key else f'{source}: {reason}')
-        self.source = source
-        self.key = key
-        self.reason = reason
+        self.source, self.key, self.reason = source, key, reason
 
 
 class ClosureError(FaultToleranceError, ValueError):
     """The loops of a mechanism do not close at the actuator values given.
 
-    Attributes
-    ----------
-    residual : float
-        What is left open, in metres (rotations times the characteristic length).
-    tolerance : float
-        What would have been accepted, in metres.
+    ``residual`` is left open and ``tolerance`` would have been accepted, both in metres (rotations
+    times the characteristic length).
     """
 
     def __init__(self, reason: str, residual: float, tolerance: float) -> None:
         super().__init__(f'{reason}: residual {residual:.3g} m exceeds {tolerance:.3g} m')
-        self.reason = reason
-        self.residual = residual
-        self.tolerance = tolerance
+        self.reason, self.residual, self.tolerance = reason, residual, tolerance
 
 
 class FailureError(FaultToleranceError, ValueError):
     """A failure cannot be understood or does not apply.
 
-    Attributes
-    ----------
-    word : str
-        The word that was not accepted.
-    reason : str
-        Why not.
-    valid : tuple of str
-        What would have been accepted (may be empty).
+    ``word`` was not accepted, for a ``reason``; ``valid`` would have been (may be empty).
     """
 
     def __init__(self, word: str, reason: str, valid: tuple[str, ...] = ()) -> None:
         hint = f'; valid: {", ".join(valid)}' if valid else ''
         super().__init__(f'{reason}: {word!r}{hint}')
-        self.word = word
-        self.reason = reason
-        self.valid = valid
+        self.word, self.reason, self.valid = word, reason, valid
 
 
 class EngineError(FaultToleranceError, RuntimeError):

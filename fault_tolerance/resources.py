@@ -21,24 +21,15 @@ _EVIDENCE = Path('config') / 'mechanisms'
 def share_directory() -> Path:
     """Return the folder that holds ``config/`` and ``launch/``.
 
-    Returns
-    -------
-    Path
-        The root of a checkout, or ``PREFIX/share/fault_tolerance`` of an installation. What
-        belongs to this very copy of the code comes before anything the environment names.
-
-    Raises
-    ------
-    FileNotFoundError
-        If no place holds ``config/mechanisms``; the message lists the places looked at.
+    The root of a checkout, or ``PREFIX/share/fault_tolerance`` of an installation. What belongs to
+    this very copy of the code comes before anything the environment names. FileNotFoundError, with
+    the places looked at, if none holds ``config/mechanisms``.
     """
-    looked_at: list[Path] = []
-    for candidate in _candidates():
+    candidates = dict.fromkeys(_candidates())
+    for candidate in candidates:
         if (candidate / _EVIDENCE).is_dir():
             return candidate
-        if candidate not in looked_at:
-            looked_at.append(candidate)
-    places = ', '.join(str(place) for place in looked_at)
+    places = ', '.join(map(str, candidates))
     raise FileNotFoundError(f'no {_EVIDENCE} of {PACKAGE} in any of: {places}')
 
 

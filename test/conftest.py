@@ -23,6 +23,9 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+# Runs beside others: set by everything.py for its own processes, and not for those they start.
+BESIDE_OTHERS = os.environ.pop('FAULT_TOLERANCE_PARTS', '') == '1'
+
 # Seconds; one that hangs must not hang the pipeline. `make soak` and `make fuzz` ask for more.
 LONGEST_TEST = 480 + int(max(float(os.environ.get(name, '0'))
                              for name in ('SOAK_SECONDS', 'FUZZ_SECONDS')))
@@ -55,8 +58,8 @@ def _own_domain() -> int:
 hypothesis.settings.register_profile('pipeline', derandomize=True)
 if os.environ.get('CI'):
     hypothesis.settings.load_profile('pipeline')
-# What gives way to everything else may well be slow.
-if os.environ.get('FAULT_TOLERANCE_PARTS') == '1':
+# What runs beside everything else may well be slow.
+if BESIDE_OTHERS:
     hypothesis.settings.register_profile(
         'background', hypothesis.settings(), deadline=None,
         suppress_health_check=[hypothesis.HealthCheck.too_slow],
@@ -110,11 +113,6 @@ def network_namespaces_are_refused() -> bool:
     return not new_network()
 
 
-def numba_is_missing() -> bool:
-    """Tell whether there is no numba, which nothing needs but the compiled path."""
-    return importlib.util.find_spec('numba') is None
-
-
 @pytest.fixture
 def network():
     """Return the command that runs another one in a network of its own."""
@@ -126,7 +124,6 @@ ALLOWED_SKIPS = {
     'launch is not installed': ('needs_launch', launch_is_missing),
     'network namespaces are not permitted': ('needs_network_namespaces',
                                              network_namespaces_are_refused),
-    'numba is not installed': ('needs_numba', numba_is_missing),
 }
 
 
@@ -182,18 +179,13 @@ def pytest_deselected(items):
 
 
 def _whole_folders(config):
-    """Return the folders of which a run takes every test; None if it takes only some.
-
-    Parts of them, down to files, where the variable says that others take the rest.
-    """
+    """Return the folders of which a run takes every test; None if it takes only some."""
     if _DESELECTED:
         return None
     tests = config.rootpath / 'test'
     if config.args_source is not config.ArgsSource.ARGS:
         return [tests]
     asked = [config.invocation_params.dir / name for name in config.args]
-    if os.environ.get('FAULT_TOLERANCE_PARTS') == '1':
-        return asked if all(path.exists() for path in asked) else None
     return asked if all(path.is_dir() and path.parent == tests for path in asked) else None
 
 
@@ -220,7 +212,8 @@ def pytest_make_collect_report(collector):
 
 
 def pytest_sessionfinish(session):
-    if session.config.option.collectonly:
+    # What a part of everything.py leaves out others take: everything.py knows what all have run.
+    if session.config.option.collectonly or BESIDE_OTHERS:
         return
     # pytest calls a run of nothing but skips a success, and colcon one without tests; colcon
     # passes on every code but "no tests" and "tests failed".

@@ -2,59 +2,81 @@
 # SPDX-License-Identifier: Apache-2.0
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
-The tests of running nodes run twice: with the fields of messages checked and commands by numpy
-(but for those marked ``once``), and then as users run the nodes. They measure time, so the second
-time nothing runs beside them, and the first time what gives way to everything.
-Every part must pass, and none may be empty.
+Each test runs once. Those of running nodes run with the fields of messages checked, and commands
+by numpy; only those that measure time (marked ``timed``) run as users run the nodes, at the end,
+with nothing beside them. All others run side by side, a module of tests here and another there,
+and what needs no nodes gives way to them. Every group must pass, and none may be empty.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 HERE = Path(__file__).resolve().parent
-NODES = ('ros', 'launch')
-"""Folders whose tests measure how running nodes behave in time; all others are found."""
+NODES = 'ros'
+"""The folder whose tests measure how running nodes behave."""
 
-BESIDE = ('core',)
-"""Folders of the others that need no nodes either: they give way to all that runs beside them."""
+CORE = 'core'
+"""The folder that needs no nodes. All others are found."""
 
-PARTS = 4
-"""In so many these are taken at once: more than there are processors, so that all have work to
-the end."""
+CHECKED = {'ROS_PYTHON_CHECK_FIELDS': '1'}
+# The matrices are small, and all processors are taken.
+BESIDE_OTHERS = {'OPENBLAS_NUM_THREADS': '1', 'FAULT_TOLERANCE_PARTS': '1'}
+LONGEST = (
+    'system/test_soak.py', 'ros/test_start_and_end.py', 'ros/test_controller_inputs.py',
+    'ros/test_hand.py', 'ros/test_every_failure.py', 'core/test_closed_loop.py',
+    'core/kinematics/test_against_reference.py', 'core/campaign/test_campaign.py',
+    'core/analysis/test_drawing.py', 'core/test_cli.py', 'core/test_mujoco_loop.py',
+)
+"""These begin first, so that nobody waits for them in the end."""
+
+PATIENCE = 20.0
+"""Seconds that a part has to end its nodes when it is interrupted."""
 
 
-def folders() -> tuple[list[str], list[list[str]], list[str]]:
-    """Return the folders of nodes, what is run in the background (parts), and all others."""
-    found = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
-    nodes = [f'{HERE.name}/{name}' for name in NODES if name in found]
-    rest = [f'{HERE.name}/{name}' for name in found if name not in (*NODES, *BESIDE)]
-    return nodes, _parts(), rest
+class Group(NamedTuple):
+    """Modules of tests, which so many processes share among each other."""
+
+    name: str
+    modules: list[str]
+    processes: int
+    options: tuple[str, ...] = ()
+    variables: dict[str, str] = {}
+    polite: bool = False
 
 
-def _parts() -> list[list[str]]:
-    """Return what is run in the background in parts of about the same length of text."""
-    lengths = Counter({
-        f'{HERE.name}/{path.relative_to(HERE)}': sum(file.stat().st_size for file in files)
-        for name in BESIDE if (HERE / name).is_dir()
-        for path in sorted((HERE / name).iterdir())
-        if (files := [
-            file for file in (path, *path.rglob('*'))
-            if file.name.startswith('test_') and file.suffix == '.py'
-        ])
-    })
-    parts: list[tuple[int, list[str]]] = [(0, []) for _ in range(PARTS)]
-    for name, length in lengths.most_common():
-        least, names = min(parts)
-        parts[parts.index((least, names))] = least + length, [*names, name]
-    return [sorted(names) for _, names in parts if names]
+def modules_of(*folders: str) -> list[str]:
+    """Return the modules of tests in folders, those that take longest first."""
+    found = [
+        str(path.relative_to(HERE)) for folder in folders
+        for path in sorted((HERE / folder).rglob('test_*.py'))
+    ]
+    found.sort(key=lambda name: LONGEST.index(name) if name in LONGEST else len(LONGEST))
+    return [f'{HERE.name}/{name}' for name in found]
+
+
+def groups() -> tuple[list[Group], Group]:
+    """Return what runs side by side, and what runs alone after it."""
+    folders = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
+    others = modules_of(*(name for name in folders if name not in (NODES, CORE)))
+    nodes, core = modules_of(NODES), modules_of(CORE)
+    timed = [name for name in nodes if 'mark.timed' in (HERE.parent / name).read_text()]
+    return [
+        Group('nodes', nodes, 2, ('-m', 'not timed'), {**BESIDE_OTHERS, **CHECKED}),
+        Group('others', others, 1, (), BESIDE_OTHERS),
+        Group('core', core, 2, (), BESIDE_OTHERS, polite=True),
+    ], Group('timed', timed, 1, ('-m', 'timed'))
 
 
 def give_way() -> None:
@@ -62,88 +84,216 @@ def give_way() -> None:
     os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 
 
-class Part:
-    """One run of pytest.
+class Turns:
+    """Leaves out the modules of tests that another process of the group has begun with.
+
+    A plugin of pytest.
 
     Parameters
     ----------
-    report : Path
-        Where pytest is to write what became of each test.
+    folder : str
+        Where the processes of a group leave word, one file for each module.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self._folder = Path(folder)
+        self._mine: dict[Path, bool] = {}
+
+    def pytest_runtestloop(self, session) -> bool | None:
+        """Run what nobody else has begun with; pytest itself deals with mistakes before that."""
+        if session.testsfailed or session.config.option.collectonly:
+            return None
+        todo = (item for item in session.items if self._is_mine(item.path))
+        item = next(todo, None)
+        while item is not None:
+            # What comes after it decides which fixtures are to end with it.
+            following = next(todo, None)
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+            if session.shouldfail:
+                raise session.Failed(session.shouldfail)
+            if session.shouldstop:
+                raise session.Interrupted(session.shouldstop)
+            item = following
+        return True
+
+    def _is_mine(self, path: Path) -> bool:
+        if path not in self._mine:
+            try:
+                (self._folder / '.'.join(path.parts[1:])).touch(exist_ok=False)
+                self._mine[path] = True
+            except FileExistsError:
+                self._mine[path] = False
+        return self._mine[path]
+
+
+class Part:
+    """One process of a group.
+
+    Parameters
+    ----------
+    group : Group
+    number : int
+    folder : Path
+        Where it leaves its report and its output.
     arguments : list of str
-    log : Path, optional
-        Where its output goes, if not where ours goes; then it is also polite.
-    variables : str
-        What it needs in its environment.
+        Of pytest.
+    quiet : bool
+        Whether its output is to be shown in the end only.
     """
 
     def __init__(
-        self, report: Path, arguments: list[str], log: Path | None = None, **variables: str
+        self, group: Group, number: int, folder: Path, arguments: list[str], quiet: bool
     ) -> None:
-        self._report, self._log = report, log
-        command = [sys.executable, '-m', 'pytest', f'--junitxml={report}', *arguments]
-        print(*(f'{name}={value}' for name, value in variables.items()), 'pytest', *arguments,
-              '(in the background)' if log else '', flush=True)
+        self.group = group.name
+        self.code = 0
+        self._report = folder / f'{group.name}_{number}.xml'
+        self._log = folder / f'{group.name}_{number}.log' if quiet else None
+        turns = folder / group.name
+        turns.mkdir(exist_ok=True)
+        print(*(f'{name}={value}' for name, value in group.variables.items()),
+              'pytest', *group.options, *arguments, f'({len(group.modules)} modules: {self.group}',
+              f'{number} of {group.processes})', flush=True)
         self._process = subprocess.Popen(
-            command, cwd=HERE.parent, env={**os.environ, **variables},
-            stdout=log and log.open('w'), stderr=log and subprocess.STDOUT,
-            preexec_fn=give_way if log else None,
+            [sys.executable, __file__, '--turns', str(turns), f'--junitxml={self._report}',
+             # Of its own: pytest removes the oldest of those it numbers.
+             f'--basetemp={folder / f"files_{group.name}_{number}"}',
+             *group.modules, *group.options, *arguments],
+            cwd=HERE.parent, env={**os.environ, **group.variables},
+            stdout=self._log and self._log.open('w'), stderr=self._log and subprocess.STDOUT,
+            preexec_fn=give_way if group.polite else None,
         )
 
-    def ended(self) -> Counter[str]:
-        """Wait for its end, show its output, and return how many tests ended how."""
-        code = self._process.wait()
+    def ended(self) -> ElementTree.Element | None:
+        """Wait for its end, show its output, and return its report, if there is any."""
+        self.code = self._process.wait()
         if self._log:
             print(self._log.read_text(errors='replace'), flush=True)
-        count: Counter[str] = Counter()
-        if self._report.exists():
-            suite = ElementTree.parse(self._report).find('.//testsuite')
-            for name, attribute in (('failed', 'failures'), ('error', 'errors'),
-                                    ('skipped', 'skipped')):
-                count[name] = int(suite.get(attribute))
-            count['passed'] = int(suite.get('tests')) - count.total()
-        if (code or not count['passed']) and not count['failed'] + count['error']:
-            count['error'] += 1
-        return count
+        if not self._report.exists():
+            return None
+        return ElementTree.parse(self._report).find('.//testsuite')
+
+    def hurry(self) -> None:
+        """Give way to nothing any more, where one may."""
+        with suppress(PermissionError, ProcessLookupError):
+            os.sched_setscheduler(self._process.pid, os.SCHED_OTHER, os.sched_param(0))
 
     def end(self) -> None:
-        """End it, if it still runs."""
-        self._process.kill()
-        self._process.wait()
+        """End it, if it still runs, and give it the time to end what it has started."""
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+            try:
+                self._process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+
+class Result:
+    """How many tests ended how, and which have run.
+
+    Parameters
+    ----------
+    whole : bool
+        Whether every test was to run.
+    """
+
+    def __init__(self, whole: bool) -> None:
+        self.count: Counter[str] = Counter()
+        self._whole = whole
+        self._ran: set[str] = set()
+
+    def add(self, parts: list[Part]) -> None:
+        """Add those of one group, as soon as all its parts have ended."""
+        found: Counter[str] = Counter()
+        broken = empty = 0
+        for part in parts:
+            suite = part.ended()
+            if suite is not None:
+                found += self._counted(suite)
+            # 1: tests have failed, 5: there are none.
+            empty += part.code == 5
+            broken += suite is None or part.code not in (0, 1, 5)
+        if not broken and not found['passed'] and (self._whole or not empty):
+            broken = 1
+        if broken and not found['failed'] + found['error']:
+            found['error'] += broken
+            print(f'{parts[0].group}: ended without a result, or nothing has run', flush=True)
+        self.count += found
+
+    def _counted(self, suite: ElementTree.Element) -> Counter[str]:
+        found = Counter({
+            name: int(suite.get(attribute))
+            for name, attribute in (('failed', 'failures'), ('error', 'errors'),
+                                    ('skipped', 'skipped'))
+        })
+        found['passed'] = int(suite.get('tests')) - found.total()
+        for case in suite.iter('testcase'):
+            if case.find('failure') is None and case.find('error') is None:
+                path = case.get('classname').replace('.', '/').removeprefix(f'{HERE.name}/')
+                self._ran.add(f'{path}.py::{case.get("name").partition("[")[0]}')
+        return found
+
+    def missing(self) -> list[str]:
+        """Return the tests that docs/robustness.md names and that have not passed."""
+        table = HERE.parent / 'docs' / 'robustness.md'
+        if not self._whole or not table.is_file():
+            return []
+        named = re.findall(r'`(\w[\w/]*\.py::\w+)`', table.read_text(encoding='utf-8'))
+        return sorted({*named} - self._ran)
 
 
 def main(arguments: list[str]) -> int:
     """Run everything, sum it up as pytest does, and return an exit code."""
     begin = time.monotonic()
     # Compiled once, and not by every test that starts a node.
-    subprocess.run([sys.executable, '-m', 'fault_tolerance.compiled'], cwd=HERE.parent,
+    subprocess.run([sys.executable, '-m', 'fault_tolerance.kernel'], cwd=HERE.parent,
                    check=False)
-    nodes, background, others = folders()
+    side_by_side, alone = groups()
+    result = Result(whole=not arguments)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        beside = [
-            Part(folder / f'beside_{number}.xml', [*part, *arguments], folder / f'log_{number}',
-                 OPENBLAS_NUM_THREADS='1', FAULT_TOLERANCE_PARTS='1')
-            for number, part in enumerate(background)
-        ]
+        running: list[list[Part]] = []
         try:
-            count = Part(folder / 'others.xml', [*others, *arguments]).ended()
-            first = [name for name in nodes if name.endswith('/ros')]
-            count += Part(folder / 'checked.xml', [*first, '-m', 'not once', *arguments],
-                          ROS_PYTHON_CHECK_FIELDS='1', FAULT_TOLERANCE_COMPILED='0').ended()
-            for part in beside:
-                count += part.ended()
+            for group in side_by_side:
+                running.append([
+                    Part(group, number, folder, arguments, quiet=True)
+                    for number in range(1, group.processes + 1)
+                ])
+            for group, parts in zip(side_by_side, running, strict=True):
+                if group.polite:
+                    # All that it gave way to has ended.
+                    for part in parts:
+                        part.hurry()
+                result.add(parts)
+            running.append([Part(alone, 1, folder, arguments, quiet=False)])
+            result.add(running[-1])
         finally:
-            for part in beside:
-                part.end()
-        count += Part(folder / 'nodes.xml', [*nodes, *arguments]).ended()
+            for parts in running:
+                for part in parts:
+                    part.end()
+    for name in result.missing():
+        print(f'in docs/robustness.md, but has not passed: {name}')
+        result.count['error'] += 1
     told = ', '.join(f'{number} {name}' for name in ('failed', 'passed', 'skipped', 'error')
-                     if (number := count[name]))
-    print(f' {told} in {time.monotonic() - begin:.2f}s '.center(80, '='), flush=True)
-    return 1 if count['failed'] + count['error'] else 0
+                     if (number := result.count[name]))
+    print(f' {told or "no tests ran"} in {time.monotonic() - begin:.2f}s '.center(80, '='),
+          flush=True)
+    return 1 if result.count['failed'] + result.count['error'] or not result.count['passed'] else 0
+
+
+def run_part(folder: str, arguments: list[str]) -> int:
+    """Run what other processes of the group leave; return the exit code of pytest."""
+    import pytest
+
+    # As `python -m pytest` does: the checkout is tested, whatever is installed.
+    sys.path[0] = str(HERE.parent)
+    return pytest.main(arguments, plugins=[Turns(folder)])
 
 
 if __name__ == '__main__':
     try:
+        if sys.argv[1:2] == ['--turns']:
+            sys.exit(run_part(sys.argv[2], sys.argv[3:]))
         sys.exit(main(sys.argv[1:]))
     except KeyboardInterrupt:
         sys.exit(130)

@@ -10,25 +10,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from rosbags import rosbag2
 from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag2 import (
-    CompressionFormat,
-    CompressionMode,
-    ReaderError,
-    StoragePlugin,
-    Writer,
-)
 from rosbags.typesys import Stores, get_typestore
 
 from fault_tolerance.analysis import topics
-from fault_tolerance.analysis.recording import Message, Sample
+from fault_tolerance.analysis.recorded_data import Message, Sample
 from fault_tolerance.errors import FaultToleranceError
 
 METADATA = 'metadata.yaml'
 
 
 def write_bag(file: Path, samples: Iterable[Sample]) -> None:
-    """Write ``samples`` to an MCAP ``file``, and metadata.yaml beside it.
+    """Write ``samples`` to an MCAP ``file`` (*.mcap), and metadata.yaml beside it.
 
     The file opens by itself; the metadata make its folder a bag as well.
     """
@@ -38,8 +32,9 @@ def write_bag(file: Path, samples: Iterable[Sample]) -> None:
     with TemporaryDirectory(dir=file.parent) as scratch:
         bag = Path(scratch) / file.stem
         # Version 9 of the metadata is Jazzy's.
-        writer = Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP)
-        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        writer = rosbag2.Writer(bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP)
+        zstd = rosbag2.CompressionFormat.ZSTD
+        writer.set_compression(rosbag2.CompressionMode.STORAGE, zstd)
         connections = {}
         with writer:
             for topic, kind, time, data in sorted(samples, key=lambda one: one.time):
@@ -51,12 +46,9 @@ def write_bag(file: Path, samples: Iterable[Sample]) -> None:
 
 
 def read_samples(path: Path) -> Iterator[Sample]:
-    """Yield everything in a bag: an MCAP or SQLite file, or a folder with metadata.yaml.
+    """Yield all of the bag at ``path``: an MCAP or SQLite file, or a folder with metadata.yaml.
 
-    Raises
-    ------
-    FaultToleranceError
-        If it cannot be read.
+    FaultToleranceError if it cannot be read.
     """
     with _opened(path) as reader:
         for connection, time, data in reader.messages():
@@ -64,12 +56,9 @@ def read_samples(path: Path) -> Iterator[Sample]:
 
 
 def read_messages(path: Path) -> Iterator[Message]:
-    """Yield those messages of a bag that a `Recording` is made of.
+    """Yield those messages of the bag at ``path`` that a `Recording` is made of.
 
-    Raises
-    ------
-    FaultToleranceError
-        If it cannot be read.
+    FaultToleranceError if it cannot be read.
     """
     with _opened(path) as reader:
         chosen = [one for one in reader.connections if topics.split(one.topic)]
@@ -84,5 +73,5 @@ def _opened(path: Path) -> Iterator[AnyReader]:
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             yield reader
-    except (AnyReaderError, ReaderError, OSError, ValueError, AssertionError) as error:
+    except (AnyReaderError, rosbag2.ReaderError, OSError, ValueError, AssertionError) as error:
         raise FaultToleranceError(f'{path}: not a bag that can be read ({error})') from None

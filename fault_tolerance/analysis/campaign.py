@@ -14,49 +14,27 @@ from rich import box
 from rich.table import Table
 
 from fault_tolerance.analysis.snapshot import WORDS
+from fault_tolerance.analysis.terminal import number
 
 LARGEST_RATIO = 1.2
 """Times the healthy error that a tolerable failure may cost the major task."""
 
 COLUMNS = (
-    'mechanism',
-    'failures',
-    'tolerable',
-    'final_state',
-    'error_rms',
-    'healthy_error_rms',
-    'peak_force',
-    'recovery_time_us',
-    'seed',
+    'mechanism', 'failures', 'tolerable', 'final_state', 'error_rms', 'healthy_error_rms',
+    'peak_force', 'recovery_time_us', 'seed',
 )
 
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """What came of one trial.
+    """The result of one trial; rates are in rad/s or m/s.
 
-    Attributes
-    ----------
-    mechanism : str
-    failures : str
-        ``mode:name;mode:name``.
-    tolerable : bool
-        The theory's verdict at home.
-    states : tuple of str
-        The states of the controller since the failure, each once, in their order.
-    final_state : str
-        The last one.
-    largest_rate : float
-        The largest rate commanded since the failure, rad/s or m/s.
-    error_rms, healthy_error_rms : float
-        Of the major task, after the failure and before: radians, and displacements divided by
-        the characteristic length.
-    peak_force : float
-        The largest effort of an actuator since the failure beyond its mean before, newtons
-        (moments divided by the characteristic length).
-    recovery_time_us : float
-        From the report to the end of the step that followed it, microseconds of computing.
-    seed : int
+    ``failures`` are ``mode:name;mode:name``, ``tolerable`` is the theory's verdict at home, and
+    ``states`` are those of the controller since the failure, each once, in their order. The rms
+    errors of the major task are radians, and displacements divided by the characteristic length.
+    ``peak_force`` is the largest effort of an actuator since the failure beyond its mean before,
+    newtons (moments divided by the characteristic length). ``recovery_time_us`` is the computing
+    time from the report to the end of the step that followed it, microseconds.
     """
 
     mechanism: str
@@ -88,7 +66,8 @@ class TrialRecord:
             found.append(f'a rate of {self.largest_rate:.3g} was commanded after the failure')
         # Written so that not a number is a mistake too.
         if self.tolerable and not self.error_ratio <= LARGEST_RATIO:
-            found.append(f'error {self.error_ratio:.3g} times the healthy {self._healthy_text}')
+            healthy = f'{1e6 * self.healthy_error_rms:.2f} microradians'
+            found.append(f'error {self.error_ratio:.3g} times the healthy {healthy}')
         return tuple(found)
 
     @property
@@ -97,43 +76,30 @@ class TrialRecord:
         values = (getattr(self, name) for name in COLUMNS)
         return tuple(str(one).lower() if isinstance(one, bool) else str(one) for one in values)
 
-    @property
-    def _healthy_text(self) -> str:
-        return f'{1e6 * self.healthy_error_rms:.2f} microradians'
-
 
 def campaign_rows(records: Iterable[TrialRecord]) -> Iterator[tuple[str, ...]]:
-    """Yield the lines of results.csv: the heading, then one for each trial."""
+    """Yield the lines of results.csv: the heading, then one for each of ``records``."""
     yield COLUMNS
     for record in records:
         yield record.row
 
 
 def campaign_summary(records: Sequence[TrialRecord], seed: int) -> dict[str, Any]:
-    """Return what a campaign found, as plain data for JSON.
+    """Return what ``records`` of a campaign with ``seed`` found, as plain data for JSON.
 
-    Parameters
-    ----------
-    records : sequence of TrialRecord
-    seed : int
-        Of the campaign.
+    The keys are those of summary.json: docs/command_line.md.
     """
-    names = dict.fromkeys(record.mechanism for record in records)
     return {
         'seed': seed,
         'largest_error_ratio_allowed': LARGEST_RATIO,
         'trials': len(records),
         'mechanisms': {
             name: _figures([record for record in records if record.mechanism == name])
-            for name in names
+            for name in dict.fromkeys(record.mechanism for record in records)
         },
         'mistakes': [
-            {
-                'mechanism': record.mechanism,
-                'failures': record.failures,
-                'seed': record.seed,
-                'mistakes': list(record.mistakes),
-            }
+            {'mechanism': record.mechanism, 'failures': record.failures, 'seed': record.seed,
+             'mistakes': list(record.mistakes)}
             for record in records
             if record.mistakes
         ],
@@ -141,11 +107,9 @@ def campaign_summary(records: Sequence[TrialRecord], seed: int) -> dict[str, Any
 
 
 def campaign_table(summary: dict[str, Any]) -> Table:
-    """Return `campaign_summary` for people to read, within 80 columns."""
+    """Return ``summary`` of `campaign_summary` for people to read, within 80 columns."""
     table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
+        box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False,
         title='Largest error (times the healthy one) and force of tolerable failures,\n'
         'median time of recovery',
     )
@@ -158,9 +122,9 @@ def campaign_table(summary: dict[str, Any]) -> Table:
             name,
             str(figures['tolerable']),
             str(figures['intolerable']),
-            _shown(figures['largest_error_ratio'], '.3f'),
-            _shown(figures['largest_force_tolerable'], '.2f'),
-            _shown(figures['median_recovery_time_us'], '.0f'),
+            number(figures['largest_error_ratio'], '.3f', ''),
+            number(figures['largest_force_tolerable'], '.2f', ''),
+            number(figures['median_recovery_time_us'], '.0f', ''),
             str(figures['mistakes']),
             _in_words(figures['largest_error_after'] or ''),
         )
@@ -186,10 +150,6 @@ def _figures(records: Sequence[TrialRecord]) -> dict[str, Any]:
 
 
 def _in_words(failures: str) -> str:
-    """Return ``mode:name;mode:name`` as people say it, one failure a line."""
+    """Return ``mode:name;mode:name`` in words, one failure a line."""
     pairs = [failure.partition(':') for failure in failures.split(';') if failure]
     return '\n'.join(f'{name} {WORDS.get(mode, mode)}' for mode, _, name in pairs)
-
-
-def _shown(value: float | None, form: str) -> str:
-    return '' if value is None else format(value, form)

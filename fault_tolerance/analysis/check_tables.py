@@ -8,23 +8,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from fault_tolerance.analysis.tables import headline, task_in_words, worst_in_words
+from fault_tolerance.analysis.terminal import plain_table
 
 _ORDINARY = 'neither under- nor over-constrained nor kinematically redundant'
 _WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'strut lost'}
 
 
 def check_table(report: Mapping[str, Any]) -> RenderableType:
-    """Return the report of `check_report` as text and tables, to be printed with rich."""
+    """Return the ``report`` of `check_report` as text and tables, to be printed with rich."""
     parts: list[RenderableType] = [headline(report), _facts(report), Text(), _actuators(report)]
     if report['struts']:
         parts += [Text(), _struts(report)]
-    parts += [Text(), _outlook(report)]
+    parts += [Text(), _budget(report)]
     if report['conversions']:
         parts += [Text(), _conversions(report)]
     return Group(*parts)
@@ -38,7 +38,7 @@ def _facts(report: Mapping[str, Any]) -> Table:
     table.add_column()
     table.add_row('task', f'{task_in_words(report)} (in brackets: secondary)')
     table.add_row('mobility', _mobility(report['mobility'], redundancy['task']))
-    table.add_row('character', ', '.join(report['character']) or _ORDINARY)
+    table.add_row('kind', ', '.join(report['classification']) or _ORDINARY)
     if redundancy['kinematic'] > 0:
         table.add_row('redundancy', _redundancy(redundancy))
     if constraints['rows']:
@@ -76,24 +76,20 @@ def _redundancy(redundancy: Mapping[str, Any]) -> str:
 
 
 def _actuators(report: Mapping[str, Any]) -> Table:
-    table = _table('actuators', 'actuator', 'strut')
-    for heading in ('range', 'speed', 'now'):
-        table.add_column(heading, justify='right')
     notes = []
+    table = plain_table(
+        'actuator', 'strut', numbers=('range', 'speed', 'now'), title='actuators',
+        caption_justify='left',
+    )
     for entry in report['actuators']:
         unit = 'rad' if entry['kind'] == 'revolute' else 'm'
         speed = 'any' if entry['velocity'] is None else f'{entry["velocity"]:g} {unit}/s'
         table.add_row(
-            entry['name'],
-            entry['strut'] or '-',
-            _range(entry['position'], unit),
-            speed,
+            entry['name'], entry['strut'] or '-', _range(entry['position'], unit), speed,
             f'{entry["value"]:.6g} {unit}',
         )
         notes += [f'{entry["name"]} {note}' for note in _drive(entry)]
-    if notes:
-        table.caption = '\n'.join(notes)
-        table.caption_justify = 'left'
+    table.caption = '\n'.join(notes) or None
     return table
 
 
@@ -119,8 +115,8 @@ def _drive(entry: Mapping[str, Any]) -> list[str]:
 
 def _struts(report: Mapping[str, Any]) -> Table:
     lost = {failure['name'] for failure in report['failures'] if failure['mode'] == 'hard'}
-    table = _table('struts (base to platform; * driven)', 'strut', 'joints')
-    table.add_column('bars', justify='right')
+    title = 'struts (base to platform; * driven)'
+    table = plain_table('strut', 'joints', numbers=['bars'], title=title)
     table.add_column('losing it is as freeing its drives')
     for entry in report['struts']:
         name = entry['name'] + (' (release)' if entry['release'] else '')
@@ -133,26 +129,24 @@ def _struts(report: Mapping[str, Any]) -> Table:
     return table
 
 
-def _outlook(report: Mapping[str, Any]) -> Table:
-    table = _table('further failures that can be tolerated', 'failure')
-    table.add_column('any so many', justify='right')
-    table.add_column('some set of so many', justify='right')
-    for mode, entry in report['outlook'].items():
+def _budget(report: Mapping[str, Any]) -> Table:
+    table = plain_table(
+        'failure', numbers=('guaranteed', 'best case'),
+        title='further failures that can be tolerated',
+        caption=worst_in_words(report['worst_next']), caption_justify='left',
+    )
+    for mode, entry in report['failure_budget'].items():
         if mode == 'hard' and not report['struts']:
             continue
         least = '' if entry['complete'] else ' or more'
-        table.add_row(
-            _WORDS[mode], f'{entry["certain"]}{least}', f'{entry["possible"]}{least}'
-        )
-    table.caption = worst_in_words(report['worst_next'])
-    table.caption_justify = 'left'
+        counts = (f'{entry[key]}{least}' for key in ('guaranteed', 'best_case'))
+        table.add_row(_WORDS[mode], *counts)
     return table
 
 
 def _conversions(report: Mapping[str, Any]) -> Table:
-    table = _table('brakes and releases', 'failure')
-    table.add_column('kept as it is', justify='right')
-    table.add_column('at best', justify='right')
+    numbers = ('kept as it is', 'at best')
+    table = plain_table('failure', numbers=numbers, title='brakes and releases')
     table.add_column('by')
     for entry in report['conversions']:
         failure = ', '.join(f'{one["mode"]}:{one["name"]}' for one in entry['failures'])
@@ -160,24 +154,13 @@ def _conversions(report: Mapping[str, Any]) -> Table:
             table.add_row(failure, '', '', 'too many combinations to try them all')
             continue
         actions = [f'{one["from"]} to {one["to"]}' for one in entry['best']['actions']]
-        table.add_row(
-            failure,
-            f'{entry["as_it_is"]["kept"]:.4f}',
-            f'{entry["best"]["kept"]:.4f}',
-            ', '.join(actions) or 'leaving it',
-        )
-    return table
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify='left')
-    for column in columns:
-        table.add_column(column)
+        kept = (f'{entry[key]["kept"]:.4f}' for key in ('as_it_is', 'best'))
+        table.add_row(failure, *kept, ', '.join(actions) or 'leaving it')
     return table
 
 
 def _numbers(values: Sequence[float]) -> str:
     largest = max(values, default=0.0)
-    # Rounding error is nothing to read.
+    # Rounding errors are not shown.
     shown = [value if value > 1e-12 * largest else 0.0 for value in values]
     return ' '.join(f'{value:.4g}' for value in shown) or 'none'

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a designer wants to know about a mechanism before building on it, as plain data."""
+"""The examination of a mechanism as plain data: freedom, constraints, budget, conversions."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from fault_tolerance.analysis.reports import worst_next
+from fault_tolerance.analysis.reports import failure_entries, worst_next
 from fault_tolerance.analysis.scene import joint_groups, joint_letter
 from fault_tolerance.errors import FailureError
-from fault_tolerance.kinematics.character import character, redundancy
+from fault_tolerance.kinematics.classification import classification, redundancy
 from fault_tolerance.kinematics.conversion import Conversion, best_conversion
 from fault_tolerance.kinematics.differential import differential_kinematics
+from fault_tolerance.kinematics.failure_budget import failure_budget, hard_torque_equivalence
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.kinematics.measures import next_failure
-from fault_tolerance.kinematics.outlook import hard_torque_equivalence, outlook
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.kinematics.subspaces import rank_of, singular_values
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import Configuration
-from fault_tolerance.mechanism.description import Actuator, Strut
+from fault_tolerance.mechanism.parts import Actuator, Strut
 
 _BREAKDOWNS = (FailureMode.POSITION, FailureMode.TORQUE, FailureMode.HARD)
 # Sets of failures tried of a mechanism with up to so many actuators; with more of them one set
@@ -34,62 +34,50 @@ _BREAKDOWNS = (FailureMode.POSITION, FailureMode.TORQUE, FailureMode.HARD)
 _MOST_SETS, _ORDINARY_COUNT = 4000, 8
 
 
-def check_report(configuration: Configuration, state: PostFailure) -> dict[str, Any]:
-    """Return the examination of a mechanism as strings, numbers, lists and None.
+def check_report(configuration: Configuration, post: PostFailure) -> dict[str, Any]:
+    """Return the examination of the mechanism at ``configuration``, with its kinematics ``post``.
 
-    Parameters
-    ----------
-    configuration : Configuration
-        Where it stands.
-    state : PostFailure
-        Its kinematics there.
-
-    Returns
-    -------
-    dict
-        The keys of ``python -m fault_tolerance check --json``: docs/command_line.md.
+    Plain data for JSON, with the keys of docs/command_line.md.
     """
-    mechanism, verdict = configuration.mechanism, state.verdict
+    mechanism, verdict = configuration.mechanism, post.verdict
     at_home = differential_kinematics(home_rows(mechanism))
     values = configuration.actuator_values.tolist()
+    count = max(len(mechanism.actuators), _ORDINARY_COUNT)
     return {
         'mechanism': mechanism.name,
         'task': list(mechanism.task.coordinates),
         'major': list(mechanism.task.major),
         'characteristic_length': mechanism.characteristic_length,
         'compliance': mechanism.compliance,
-        'actuators': [
-            _actuator(actuator, value)
-            for actuator, value in zip(mechanism.actuators, values, strict=True)
-        ],
-        'struts': _struts(state),
-        'failures': _failures(state.failures),
+        'actuators': list(map(_actuator, mechanism.actuators, values)),
+        'struts': _struts(post),
+        'failures': failure_entries(post.failures),
         'mobility': verdict.mobility,
         'stable': verdict.stable,
         'tolerable': verdict.tolerable,
         'reason': verdict.reason,
-        'character': list(character(state, at_home)),
-        'redundancy': {
-            key: list(value) if isinstance(value, tuple) else value
-            for key, value in asdict(redundancy(state)).items()
-        },
+        'classification': list(classification(post, at_home)),
+        'redundancy': asdict(redundancy(post)),
         'closure': {
             'residual': configuration.closure_residual,
             'flexure_strain': configuration.flexure_strain,
             'misfit': configuration.largest_misfit,
         },
         'singular_values': {
-            'major': singular_values(state.present.major).tolist(),
-            'structure': singular_values(_attached_structure(state)).tolist(),
+            'major': singular_values(post.present.major).tolist(),
+            'structure': singular_values(_attached_structure(post)).tolist(),
         },
-        'constraints': _constraints(state),
+        'constraints': _constraints(post),
         'equivalence': {
             entry.strut: {'equivalent': entry.equivalent, 'reason': entry.reason}
-            for entry in hard_torque_equivalence(state.rows, state.failures)
+            for entry in hard_torque_equivalence(post.rows, post.failures)
         },
-        'outlook': {mode.value: asdict(_outlook(state, mode)) for mode in _BREAKDOWNS},
-        'worst_next': worst_next(next_failure(state)),
-        'conversions': _conversions(state),
+        'failure_budget': {
+            mode.value: asdict(failure_budget(post, mode, _MOST_SETS * _ORDINARY_COUNT // count))
+            for mode in _BREAKDOWNS
+        },
+        'worst_next': worst_next(next_failure(post)),
+        'conversions': _conversions(post),
     }
 
 
@@ -109,8 +97,8 @@ def _actuator(actuator: Actuator, value: float) -> dict[str, Any]:
     }
 
 
-def _struts(state: PostFailure) -> list[dict[str, Any]]:
-    owners = state.rows.structure_strut
+def _struts(post: PostFailure) -> list[dict[str, Any]]:
+    owners = post.rows.structure_strut
     return [
         {
             'name': strut.name,
@@ -120,7 +108,7 @@ def _struts(state: PostFailure) -> list[dict[str, Any]]:
             'release': strut.release,
             'bars': int((owners == place).sum()),
         }
-        for place, strut in enumerate(state.rows.mechanism.struts)
+        for place, strut in enumerate(post.rows.mechanism.struts)
     ]
 
 
@@ -132,36 +120,30 @@ def chain_in_letters(strut: Strut) -> str:
     )
 
 
-def _attached_structure(state: PostFailure) -> FloatArray:
+def _attached_structure(post: PostFailure) -> FloatArray:
     """Return the structural rows (g, d) of the struts that hold the platform."""
-    names = state.rows.mechanism.strut_names
-    lost = [names.index(name) for name in state.failures.lost]
-    structure: FloatArray = state.rows.structure[~np.isin(state.rows.structure_strut, lost)]
+    names = post.rows.mechanism.strut_names
+    lost = [names.index(name) for name in post.failures.lost]
+    structure: FloatArray = post.rows.structure[~np.isin(post.rows.structure_strut, lost)]
     return structure
 
 
-def _constraints(state: PostFailure) -> dict[str, Any]:
+def _constraints(post: PostFailure) -> dict[str, Any]:
     """Return how many directions the struts bar, and what becomes of those barred twice."""
-    structure = _attached_structure(state)
+    structure = _attached_structure(post)
     independent = rank_of(singular_values(structure))
-    weakest = state.present.weakest_kept
     return {
         'rows': len(structure),
         'repeated': len(structure) - independent,
-        'absorbed': state.present.absorbed,
-        'effective': independent - state.present.absorbed,
-        'weakest': _finite(weakest),
+        'absorbed': post.present.absorbed,
+        'effective': independent - post.present.absorbed,
+        'weakest': _finite(post.present.weakest_kept),
     }
 
 
-def _outlook(state: PostFailure, mode: FailureMode) -> Any:
-    count = max(len(state.rows.mechanism.actuators), _ORDINARY_COUNT)
-    return outlook(state, mode, _MOST_SETS * _ORDINARY_COUNT // count)
-
-
-def _conversions(state: PostFailure) -> list[dict[str, Any]]:
+def _conversions(post: PostFailure) -> list[dict[str, Any]]:
     """Return what brakes and releases make of the failures present, or else of each to come."""
-    mechanism, failures = state.rows.mechanism, state.failures
+    mechanism, failures = post.rows.mechanism, post.failures
     cases: Sequence[FailureSet] = [failures]
     if not failures:
         cases = [
@@ -171,9 +153,9 @@ def _conversions(state: PostFailure) -> list[dict[str, Any]]:
         ]
     found = []
     for case in cases:
-        entry: dict[str, Any] = {'failures': _failures(case), 'as_it_is': None, 'best': None}
+        entry: dict[str, Any] = {'failures': failure_entries(case), 'as_it_is': None, 'best': None}
         try:
-            conversions = best_conversion(state.rows, case)
+            conversions = best_conversion(post.rows, case)
         except FailureError:
             # So much is broken at once that not every combination of actions can be tried.
             found.append(entry)
@@ -187,16 +169,10 @@ def _conversions(state: PostFailure) -> list[dict[str, Any]]:
 
 def _conversion(conversion: Conversion) -> dict[str, Any]:
     return {
-        'actions': [
-            {'from': str(before), 'to': str(after)} for before, after in conversion.actions
-        ],
+        'actions': [{'from': str(one), 'to': str(other)} for one, other in conversion.actions],
         'tolerable': conversion.verdict.tolerable,
         'kept': conversion.kept,
     }
-
-
-def _failures(failures: FailureSet) -> list[dict[str, str]]:
-    return [{'name': failure.name, 'mode': failure.mode.value} for failure in failures.failures]
 
 
 def _finite(value: float) -> float | None:

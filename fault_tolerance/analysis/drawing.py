@@ -7,30 +7,16 @@ from __future__ import annotations
 
 from math import cos, radians, sin
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from fault_tolerance.analysis.paper import STEEL, Paper, View
-from fault_tolerance.analysis.scene import Scene, scene_of
-from fault_tolerance.analysis.sketch import (
-    CROSS,
-    DRIVE,
-    FAINT,
-    FREE,
-    FREE_DASHES,
-    HINGE,
-    LOST_DOTS,
-    PLATFORM,
-    SPHERE,
-    STUCK,
-    Sketch,
-)
+from fault_tolerance.analysis.scene import scene_of
+from fault_tolerance.analysis.sketch import Sketch, legend
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.kinematics.reconfiguration import failures_in_words
+from fault_tolerance.kinematics.verdict import failures_in_words
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import Configuration
 
@@ -53,11 +39,10 @@ def mechanism_figure(configuration: Configuration, failures: FailureSet | None =
     figure = Figure()
     FigureCanvasAgg(figure)
     charts = figure.subplots(1, len(views), squeeze=False)[0]
-    figure.suptitle(_title(scene, failures), fontsize=12)
-    figure.legend(
-        handles=_legend(scene, failures), loc='lower center', ncols=6, frameon=False,
-        fontsize=8.5,
-    )
+    title = f'{scene.name}: {failures_in_words(failures)}' if failures else scene.name
+    figure.suptitle(title, fontsize=12)
+    handles = legend(scene, failures)
+    figure.legend(handles=handles, loc='lower center', ncols=6, frameon=False, fontsize=8.5)
     papers = [Paper(axes, view) for axes, view in zip(charts, views, strict=True)]
     for index, paper in enumerate(papers):
         Sketch(paper, scene, failures, plan=index > 0).draw()
@@ -80,13 +65,8 @@ def _fit(figure: Figure, papers: list[Paper]) -> None:
     whole = height + _TITLE + _LEGEND
     figure.set_size_inches(max(sum(widths), _LEAST_WIDTH), whole)
     papers[0].grid.set_width_ratios(widths)
-    figure.subplots_adjust(
-        left=0.01,
-        right=0.99,
-        bottom=_LEGEND / whole,
-        top=1.0 - _TITLE / whole,
-        wspace=0.03,
-    )
+    bottom, top = _LEGEND / whole, 1.0 - _TITLE / whole
+    figure.subplots_adjust(left=0.01, right=0.99, bottom=bottom, top=top, wspace=0.03)
 
 
 def save_figure(figure: Figure, path: Path) -> None:
@@ -107,32 +87,3 @@ def _view_along(normal: FloatArray) -> View:
     right = hint - (hint @ normal) * normal
     right = right / np.linalg.norm(right)
     return View(np.array([right, np.cross(normal, right), normal]))
-
-
-def _title(scene: Scene, failures: FailureSet) -> str:
-    return f'{scene.name}: {failures_in_words(failures)}' if failures else scene.name
-
-
-def _legend(scene: Scene, failures: FailureSet) -> list[Any]:
-    letters = {joint.letter for strut in scene.struts for joint in strut.joints}
-    mark: dict[str, Any] = {'color': 'black', 'linestyle': 'none'}
-    hinge = {'color': 'black', 'linewidth': HINGE}
-    if scene.normal is not None:
-        hinge = {**mark, 'marker': 'o', 'markersize': 5, 'markerfacecolor': 'white'}
-    cross = {**mark, 'marker': '+', 'markersize': CROSS, 'markeredgewidth': 2.2}
-    sphere = {**mark, 'marker': 'o', 'markersize': SPHERE, 'markerfacecolor': 'white'}
-    base = {**mark, 'marker': '^', 'markersize': 10, 'color': '0.8', 'markeredgecolor': FAINT}
-    stuck = {**mark, 'marker': 'x', 'markersize': 8, 'color': STUCK, 'markeredgewidth': 2.2}
-    free = {'color': FREE, 'linestyle': FREE_DASHES, 'linewidth': 2}
-    entries = [
-        (True, 'driven (arrow: positive)', {'color': DRIVE, 'linewidth': 6}),
-        ('R' in letters, 'revolute joint', hinge),
-        ('U' in letters, 'universal joint', cross),
-        ('S' in letters, 'spherical joint', sphere),
-        (True, 'base', base),
-        (True, 'platform', {'color': PLATFORM, 'linewidth': 8, 'alpha': 0.5}),
-        (bool(failures.stuck), 'stuck', stuck),
-        (bool(failures.free), 'free', free),
-        (bool(failures.lost), 'lost', {'color': FAINT, 'linestyle': LOST_DOTS}),
-    ]
-    return [Line2D([], [], label=label, **style) for shown, label, style in entries if shown]

@@ -20,7 +20,7 @@ from fault_tolerance.analysis.runs import ONLY, RECOVERED, UNRECOVERED, Run
 from fault_tolerance.analysis.series import Series
 from fault_tolerance.mechanism.arrays import FloatArray
 
-# Okabe and Ito's colours, told apart by everybody. In grey print the strokes differ: without
+# Okabe and Ito's colours, safe for colour-blind readers. In grey print widths differ: without
 # recovery wide and pale, so that it shows where the thin dark line with recovery lies on it.
 BLUE, VERMILION, ORANGE, GREEN, PURPLE = '#0072B2', '#D55E00', '#E69F00', '#009E73', '#CC79A7'
 STYLES: dict[str, dict[str, Any]] = {
@@ -48,7 +48,7 @@ _TITLE, _HEADS, _PANEL, _GAP, _BOTTOM = 0.62, 0.5, 1.75, 0.16, 0.55
 
 
 def report_figure(run: Run) -> Figure:
-    """Return the figure of a run; what was not recorded is left out."""
+    """Return the figure of ``run``; what was not recorded is left out."""
     panels = _panels(run)
     count = min(len(run.main), _MOST_PATHS) if len(run.main[0].path) else 0
     side = (_WIDTH - _LEFT - _RIGHT) / max(count, 3)
@@ -57,19 +57,16 @@ def report_figure(run: Run) -> Figure:
     figure = Figure(figsize=(_WIDTH, height))
     FigureCanvasAgg(figure)
     title, subtitle = _words(run)
-    figure.text(_LEFT / _WIDTH, 1.0 - 0.26 / height, title, fontsize=13, fontweight='bold',
-                va='center')
-    figure.text(_LEFT / _WIDTH, 1.0 - 0.5 / height, subtitle, fontsize=9.5, color='0.3',
-                va='center')
+    left, width = _LEFT / _WIDTH, (_WIDTH - _LEFT - _RIGHT) / _WIDTH
+    text: dict[str, Any] = {'x': left, 'va': 'center'}
+    figure.text(y=1.0 - 0.26 / height, s=title, fontsize=13, fontweight='bold', **text)
+    figure.text(y=1.0 - 0.5 / height, s=subtitle, fontsize=9.5, color='0.3', **text)
     if count:
         _draw_paths(figure, run, count, side, 1.0 - (_TITLE + _HEADS) / height)
     charts = []
     for index, draw in enumerate(panels):
         top = height - _TITLE - paths - index * (_PANEL + _GAP)
-        axes = figure.add_axes((
-            _LEFT / _WIDTH, (top - _PANEL) / height,
-            (_WIDTH - _LEFT - _RIGHT) / _WIDTH, _PANEL / height,
-        ))
+        axes = figure.add_axes((left, (top - _PANEL) / height, width, _PANEL / height))
         draw(axes, run)
         charts.append(axes)
     starts = _starts(run)
@@ -119,10 +116,8 @@ def _panels(run: Run) -> list[Callable[[Axes, Run], None]]:
 
 def _starts(run: Run) -> FloatArray:
     """Return where the phases begin on the common axis, and where the last one ends."""
-    lengths = [
-        max(record.duration for record in records)
-        for records in zip(*run.passes.values(), strict=True)
-    ]
+    together = zip(*run.passes.values(), strict=True)
+    lengths = [max(record.duration for record in records) for records in together]
     return np.concatenate([[0.0], np.cumsum(lengths)])
 
 
@@ -153,17 +148,21 @@ def _number(axes: Axes, records: Sequence[PhaseRecord], starts: FloatArray) -> N
 def _draw_passes(
     axes: Axes, run: Run, least: float, values: Callable[[PhaseRecord], Series]
 ) -> None:
-    starts = _starts(run)
     # Drawn first is drawn below: the recovered line must stay in sight.
     for name in reversed(run.passes):
-        for index, record in enumerate(run.passes[name]):
-            series = values(record)
-            label = LABELS[name] if index == 0 else None
-            axes.plot(
-                starts[index] + series.time, np.maximum(series.values[:, 0], least),
-                label=label, zorder=3, **STYLES[name],
-            )
+        series = map(values, run.passes[name])
+        courses = [(one.time, np.maximum(one.values[:, 0], least)) for one in series]
+        _draw_courses(axes.plot, run, courses, label=LABELS[name], zorder=3, **STYLES[name])
     axes.set_yscale('log')
+
+
+def _draw_courses(
+    draw: Callable[..., Any], run: Run, courses: Sequence[tuple[FloatArray, FloatArray]],
+    label: str, **style: Any,
+) -> None:
+    """Draw the times and values of each phase where it is on the common axis, labelled once."""
+    for index, (begin, (time, values)) in enumerate(zip(_starts(run), courses, strict=False)):
+        draw(begin + time, values, label=None if index else label, **style)
 
 
 def _draw_errors(axes: Axes, run: Run) -> None:
@@ -181,20 +180,16 @@ def _draw_forces(axes: Axes, run: Run) -> None:
 
 
 def _draw_rates(axes: Axes, run: Run) -> None:
-    starts, records = _starts(run), run.main
-    largest = max(float(np.abs(one.rates.values).max(initial=0.0)) for one in records)
+    rates = [one.rates for one in run.main]
+    largest = max(float(np.abs(one.values).max(initial=0.0)) for one in rates)
     factor, unit = _scale(largest, _rate_unit(run))
-    for column, name in enumerate(run.actuators):
-        style: dict[str, Any] = {
-            'color': _ACTUATOR_COLOURS[column % len(_ACTUATOR_COLOURS)],
-            'linestyle': _STROKES[column % len(_STROKES)],
-        }
-        for index, record in enumerate(records):
-            if column < record.rates.values.shape[1]:
-                axes.plot(
-                    starts[index] + record.rates.time, factor * record.rates.values[:, column],
-                    linewidth=1.2, label=name if index == 0 else None, zorder=3, **style,
-                )
+    for column, name in enumerate(run.actuators[:rates[0].values.shape[1]]):
+        courses = [(one.time, factor * one.values[:, column]) for one in rates]
+        _draw_courses(
+            axes.plot, run, courses, label=name, linewidth=1.2, zorder=3,
+            color=_ACTUATOR_COLOURS[column % len(_ACTUATOR_COLOURS)],
+            linestyle=_STROKES[column % len(_STROKES)],
+        )
     _draw_limits(axes, run.rate_limits, largest, factor, unit)
     words = f'{LABELS[RECOVERED]}, ' if UNRECOVERED in run.passes else ''
     axes.set_ylabel(f'commanded rate\n{words}{unit}')
@@ -221,17 +216,15 @@ def _draw_limits(
 
 
 def _draw_measures(axes: Axes, run: Run) -> None:
-    starts = _starts(run)
     for column, (label, style) in enumerate(_MEASURE_STYLES):
-        for index, record in enumerate(run.main):
-            # Each value holds until the next one, the last until the end.
-            time = np.append(record.course.time, record.duration)
-            values = record.course.values[:, column]
-            axes.step(
-                starts[index] + time, np.append(values, values[-1:])[:len(time)],
-                where='post', label=label if index == 0 else None, zorder=3 + 0.1 * column,
-                **style,
-            )
+        # Each value holds until the next one, the last until the end.
+        courses = [
+            (np.append(one.course.time, one.duration),
+             np.append(one.course.values[:, column], one.course.values[-1:, column]))
+            for one in run.main
+        ]
+        zorder = 3 + 0.1 * column
+        _draw_courses(axes.step, run, courses, label, where='post', zorder=zorder, **style)
     axes.set_ylim(-0.05, 1.08)
     axes.set_ylabel('measures\n(0: intolerable)')
 
@@ -292,8 +285,8 @@ def _rate_unit(run: Run) -> str:
     if run.mechanism is None:
         return 'm/s or rad/s'
     kinds = {one.kind for one in run.mechanism.actuators}
-    units = [unit for kind, unit in (('prismatic', 'm/s'), ('revolute', 'rad/s')) if kind in kinds]
-    return ' or '.join(units)
+    units = {'prismatic': 'm/s', 'revolute': 'rad/s'}
+    return ' or '.join(unit for kind, unit in units.items() if kind in kinds)
 
 
 def _scale(largest: float, unit: str) -> tuple[float, str]:

@@ -25,30 +25,15 @@ _LEADER_ON_LEADER = 200.0
 
 
 def placed_labels(
-    anchors: FloatArray,
-    sizes: FloatArray,
-    lines: FloatArray,
-    weights: FloatArray,
+    anchors: FloatArray, sizes: FloatArray, lines: FloatArray, weights: FloatArray,
     bounds: tuple[float, float, float, float],
 ) -> FloatArray:
-    """Return the centres of the labels, found by a few rounds of moving one at a time.
+    """Return the centres of the labels (k, 2), found by a few rounds of moving one at a time.
 
-    Parameters
-    ----------
-    anchors : (k, 2) array
-        What the labels name, pixels.
-    sizes : (k, 2) array
-        Width and height of the labels with their margin, pixels.
-    lines : (m, 5) array
-        Lines of the drawing, x y x y and half their width, pixels.
-    weights : (m,) array
-        How bad it is to cover each of them, 1 for black ink.
-    bounds : tuple of float
-        Left, lower, right and upper limit, pixels.
-
-    Returns
-    -------
-    (k, 2) array
+    All in pixels: ``anchors`` (k, 2) are what the labels name, ``sizes`` (k, 2) their widths and
+    heights with margin, ``lines`` (m, 5) those of the drawing as x y x y and half their width,
+    ``weights`` (m,) how bad it is to cover each (1 for black ink), ``bounds`` the left, lower,
+    right and upper limit.
     """
     count = len(anchors)
     middle = anchors.mean(axis=0) if count else np.zeros(2)
@@ -59,21 +44,16 @@ def placed_labels(
         _fixed_cost(places, anchors[index], sizes[index], lines, weights, bounds)
         for index, places in enumerate(candidates)
     ]
-    centres = np.array([places[int(np.argmin(cost))] for places, cost in zip(
-        candidates, fixed, strict=True
-    )]).reshape(count, 2)
+    best = [places[int(np.argmin(cost))] for places, cost in zip(candidates, fixed, strict=True)]
+    centres = np.array(best).reshape(count, 2)
     # The most crowded choose first.
     order = np.argsort([-cost.min() for cost in fixed])
     for _ in range(_ROUNDS):
         for index in order.tolist():
             others = np.arange(count) != index
             cost = fixed[index] + _mutual_cost(
-                candidates[index],
-                sizes[index],
-                anchors[index],
-                centres[others],
-                sizes[others],
-                anchors[others],
+                candidates[index], sizes[index], anchors[index],
+                centres[others], sizes[others], anchors[others],
             )
             centres[index] = candidates[index][int(np.argmin(cost))]
     return centres
@@ -93,12 +73,8 @@ def _candidates(anchor: FloatArray, size: FloatArray, middle: FloatArray) -> Flo
 
 
 def _fixed_cost(
-    centres: FloatArray,
-    anchor: FloatArray,
-    size: FloatArray,
-    lines: FloatArray,
-    weights: FloatArray,
-    bounds: tuple[float, float, float, float],
+    centres: FloatArray, anchor: FloatArray, size: FloatArray, lines: FloatArray,
+    weights: FloatArray, bounds: tuple[float, float, float, float],
 ) -> FloatArray:
     """Return what the candidates of one label cost, whatever the other labels do."""
     left, lower, right, upper = bounds
@@ -111,17 +87,13 @@ def _fixed_cost(
     # Later candidates point less and less outward.
     cost += 0.2 * (np.arange(len(centres)) % _DIRECTIONS)
     for line, weight in zip(lines, weights.tolist(), strict=True):
-        cost += _ON_LINE * weight * _line_meets_boxes(line[:4], centres, size + 2.0 * line[4])
+        cost += _ON_LINE * weight * _meets(line[:4], centres, size + 2.0 * line[4])
     return np.asarray(cost)
 
 
 def _mutual_cost(
-    centres: FloatArray,
-    size: FloatArray,
-    anchor: FloatArray,
-    others: FloatArray,
-    other_sizes: FloatArray,
-    other_anchors: FloatArray,
+    centres: FloatArray, size: FloatArray, anchor: FloatArray,
+    others: FloatArray, other_sizes: FloatArray, other_anchors: FloatArray,
 ) -> FloatArray:
     """Return what the candidates of one label cost beside the others where they are now."""
     cost = np.zeros(len(centres))
@@ -129,27 +101,20 @@ def _mutual_cost(
     cost += _ON_LABEL * (apart < 0.0).all(axis=2).sum(axis=1)
     for other, other_size, other_anchor in zip(others, other_sizes, other_anchors, strict=True):
         leader = np.concatenate([other, other_anchor])
-        cost += _LEADER_ON_LABEL * _line_meets_boxes(leader, centres, size)
+        cost += _LEADER_ON_LABEL * _meets(leader, centres, size)
         leaders = np.hstack([centres, np.broadcast_to(anchor, centres.shape)])
-        cost += _LEADER_ON_LABEL * _lines_meet_box(leaders, other, other_size)
+        cost += _LEADER_ON_LABEL * _meets(leaders, other, other_size)
         cost += _LEADER_ON_LEADER * _lines_meet_line(leaders, leader)
     return cost
 
 
-def _line_meets_boxes(line: FloatArray, centres: FloatArray, size: FloatArray) -> FloatArray:
-    """Return 1 where a line x y x y meets the box of ``size`` about a centre (c, 2)."""
-    start, step = line[:2] - centres, line[2:] - line[:2]
-    return _meets(start, np.broadcast_to(step, start.shape), size)
+def _meets(lines: FloatArray, centres: FloatArray, size: FloatArray) -> FloatArray:
+    """Return 1 where a line x y x y meets the box of ``size`` about a centre.
 
-
-def _lines_meet_box(lines: FloatArray, centre: FloatArray, size: FloatArray) -> FloatArray:
-    """Return 1 where a line of (c, 4) meets the box of ``size`` about ``centre``."""
-    return _meets(lines[:, :2] - centre, lines[:, 2:] - lines[:, :2], size)
-
-
-def _meets(start: FloatArray, step: FloatArray, size: FloatArray) -> FloatArray:
-    """Return 1 where start + s step, 0 <= s <= 1, enters the box of ``size`` about 0."""
+    There is one of ``lines`` (4,) for many ``centres`` (c, 2), or the other way round.
+    """
     half = 0.5 * size
+    start, step = lines[..., :2] - centres, lines[..., 2:] - lines[..., :2]
     safe = np.where(np.abs(step) < 1e-9, 1e-9, step)
     first, second = (-half - start) / safe, (half - start) / safe
     enters = np.minimum(first, second).max(axis=1)

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import isfinite, log10
+from typing import Any
 
 from rich import box
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
-from rich.table import Table
+from rich.segment import Segment
+from rich.table import Column, Table
 from rich.text import Text
 
 from fault_tolerance.analysis.snapshot import (
@@ -23,8 +25,9 @@ from fault_tolerance.analysis.snapshot import (
     Snapshot,
     with_prefix,
 )
+from fault_tolerance.analysis.terminal import in_ascii
 
-# Told apart by everybody, and each with a word of its own beside it.
+# Safe for colour-blind readers; each colour has its word beside it.
 _STATES = {
     'nominal': 'bold white on blue',
     'degraded': 'bold black on yellow',
@@ -44,12 +47,7 @@ _STALE_AFTER = 1.0
 
 
 class LiveView:
-    """A snapshot to be printed with rich, in any width.
-
-    Parameters
-    ----------
-    snapshot : Snapshot
-    """
+    """A ``snapshot`` to be printed with rich, in any width."""
 
     def __init__(self, snapshot: Snapshot) -> None:
         self._snapshot = snapshot
@@ -59,17 +57,23 @@ class LiveView:
         width = options.max_width
         inner = width - 4
         plain = options.ascii_only
-        yield Panel(
+        panel = Panel(
             Group(*self._parts(inner, plain)),
             title=Text(self._snapshot.title[:max(inner - 4, 1)], style='bold'),
             title_align='left',
             box=box.ASCII if plain else box.ROUNDED,
             width=width,
         )
+        if not plain:
+            yield panel
+            return
+        # Names may have any letters, and rich ends what it cuts short with one that is not ASCII.
+        for text, style, control in console.render(panel, options):
+            yield Segment(in_ascii(text), style, control)
 
     def _parts(self, width: int, plain: bool) -> Iterator[RenderableType]:
-        yield _headline(self._snapshot)
         snapshot = self._snapshot
+        yield _headline(snapshot)
         if not snapshot.state:
             return
         yield Text(_numbers(snapshot), style='dim', no_wrap=True, overflow='crop')
@@ -77,9 +81,7 @@ class LiveView:
         if not snapshot.actuators:
             yield Text('no measures yet', style='dim')
         elif width >= _WIDE:
-            both = Table.grid(expand=True, padding=(0, 3))
-            both.add_column(ratio=5)
-            both.add_column(ratio=2)
+            both = Table.grid(Column(ratio=5), Column(ratio=2), expand=True, padding=(0, 3))
             half = (width - 3) * 5 // 7
             both.add_row(_actuators(snapshot, half, plain), _struts(snapshot))
             yield both
@@ -94,12 +96,12 @@ class LiveView:
 
 
 def plain_line(snapshot: Snapshot) -> str:
-    """Return the snapshot as one line, for logs and pipes."""
+    """Return ``snapshot`` as one line, for logs and pipes."""
     if not snapshot.state:
         return f'{snapshot.title}: waiting for the controller'
-    parts = [_sentence(snapshot)]
+    parts = [f'{snapshot.state}: {snapshot.reason}' if snapshot.reason else snapshot.state]
     if snapshot.errors:
-        parts.append(f'error {_micro(snapshot.rms_error or 0.0)} urad rms')
+        parts.append(f'error {_rms(snapshot)}')
     parts.append(_worst(snapshot).plain)
     rates = [one.rate for one in snapshot.actuators]
     if rates and all(rate is not None for rate in rates):
@@ -109,15 +111,10 @@ def plain_line(snapshot: Snapshot) -> str:
     return f'{snapshot.title}: ' + ' | '.join(parts)
 
 
-def _sentence(snapshot: Snapshot) -> str:
-    return f'{snapshot.state}: {snapshot.reason}' if snapshot.reason else snapshot.state
-
-
 def _headline(snapshot: Snapshot) -> Text:
     if not snapshot.state:
         return Text('waiting for the controller', style='dim')
-    head = Text()
-    head.append(f' {snapshot.state.upper()} ', style=_STATES.get(snapshot.state, 'bold'))
+    head = Text.assemble((f' {snapshot.state.upper()} ', _STATES.get(snapshot.state, 'bold')))
     if snapshot.reason:
         head.append(f'  {snapshot.reason}')
     if snapshot.age > _STALE_AFTER:
@@ -135,15 +132,13 @@ def _numbers(snapshot: Snapshot) -> str:
 def _actuators(snapshot: Snapshot, width: int, plain: bool) -> Table:
     """Return the table of actuators, with fewer columns where there is less room."""
     bars = width >= _NARROW
-    table = _table()
-    table.add_column('actuator' if bars else '', no_wrap=True, overflow='crop')
-    table.add_column('', no_wrap=True, overflow='crop')
-    for heading in ('stuck next: p', 'free next: t') if bars else ('p', 't'):
-        table.add_column(heading, no_wrap=True, overflow='crop', ratio=3 if bars else None)
-    table.add_column('rate', no_wrap=True, overflow='crop', justify='right')
     signed = width >= _NARROW + 15
-    if signed:
-        table.add_column('', no_wrap=True, overflow='crop')
+    measures = ('stuck next: p', 'free next: t') if bars else ('p', 't')
+    table = _table(
+        _column('actuator' if bars else ''), _column(),
+        *(_column(heading, ratio=3 if bars else None) for heading in measures),
+        _column('rate', justify='right'), *([_column()] if signed else ()),
+    )
     for one in snapshot.actuators:
         cells: list[RenderableType] = [one.name, _condition(one.failure)]
         cells += [_measure(value, one.failure, bars) for value in (one.position, one.torque)]
@@ -157,18 +152,21 @@ def _actuators(snapshot: Snapshot, width: int, plain: bool) -> Table:
 def _struts(snapshot: Snapshot) -> RenderableType:
     if not snapshot.struts:
         return Text('')
-    table = _table()
-    table.add_column('strut', no_wrap=True, overflow='crop')
-    table.add_column('', no_wrap=True, overflow='crop')
-    table.add_column('lost next: h', no_wrap=True, overflow='crop', ratio=3)
+    table = _table(_column('strut'), _column(), _column('lost next: h', ratio=3))
     for one in snapshot.struts:
-        cells = (one.name, _condition(one.failure), _measure(one.hard, one.failure, True))
-        table.add_row(*cells)
+        measure = _measure(one.hard, one.failure, True)
+        table.add_row(one.name, _condition(one.failure), measure)
     return table
 
 
-def _table() -> Table:
-    return Table(box=None, expand=True, padding=(0, 1, 0, 0), pad_edge=False, header_style='dim')
+def _table(*columns: Column) -> Table:
+    return Table(
+        *columns, box=None, expand=True, padding=(0, 1, 0, 0), pad_edge=False, header_style='dim'
+    )
+
+
+def _column(heading: str = '', **options: Any) -> Column:
+    return Column(heading, no_wrap=True, overflow='crop', **options)
 
 
 def _condition(failure: str) -> Text:
@@ -184,11 +182,9 @@ def _measure(value: float | None, failure: str, bars: bool) -> RenderableType:
     number = Text(f'{value:.3f}' if value >= NOT_TOLERATED else stop, style=style)
     if not bars:
         return number
-    row = Table.grid(expand=True, padding=(0, 1, 0, 0))
-    row.add_column(ratio=1)
-    row.add_column(width=6)
-    row.add_row(ProgressBar(1.0, min(value, 1.0), complete_style=style, finished_style=style),
-                number)
+    row = Table.grid(_column(ratio=1), _column(width=6), expand=True, padding=(0, 1, 0, 0))
+    bar = ProgressBar(1.0, min(value, 1.0), complete_style=style, finished_style=style)
+    row.add_row(bar, number)
     return row
 
 
@@ -232,11 +228,9 @@ def _worst(snapshot: Snapshot) -> Text:
 
 
 def _error(snapshot: Snapshot, width: int, plain: bool) -> Table:
-    row = Table.grid(expand=True, padding=(0, 2, 0, 0))
-    row.add_column(no_wrap=True, overflow='crop')
-    row.add_column(no_wrap=True, overflow='crop', ratio=1)
-    row.add_column(no_wrap=True, overflow='crop', justify='right')
-    words, value = 'pointing error', f'{_micro(snapshot.rms_error or 0.0)} urad rms'
+    columns = (_column(), _column(ratio=1), _column(justify='right'))
+    row = Table.grid(*columns, expand=True, padding=(0, 2, 0, 0))
+    words, value = 'pointing error', _rms(snapshot)
     room = max(width - len(words) - len(value) - 4, 4)
     line = sparkline(snapshot.errors, room, plain=plain)
     row.add_row(Text(words), Text(line, style='cyan'), Text(value))
@@ -244,9 +238,9 @@ def _error(snapshot: Snapshot, width: int, plain: bool) -> Table:
 
 
 def sparkline(errors: Sequence[float], width: int, *, plain: bool = False) -> str:
-    """Return ``errors`` (rad) as at most ``width`` blocks, the tallest for 10 mrad.
+    """Return ``errors`` (rad, oldest first) as at most ``width`` blocks, the tallest for 10 mrad.
 
-    Each block is the largest error of its time, on a logarithmic scale.
+    Each block is the largest error of its time, on a logarithmic scale; ``plain`` means ASCII.
     """
     count = min(width, len(errors))
     edges = [len(errors) * index // count for index in range(count + 1)] if count else [0]
@@ -259,5 +253,5 @@ def sparkline(errors: Sequence[float], width: int, *, plain: bool = False) -> st
     return line
 
 
-def _micro(error: float) -> str:
-    return f'{1e6 * error:.1f}'
+def _rms(snapshot: Snapshot) -> str:
+    return f'{1e6 * (snapshot.rms_error or 0.0):.1f} urad rms'

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sheet on which points of space are drawn in one view, and which knows where its ink is."""
+"""A drawing of points in space in one view, and the placement of names clear of its lines."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpecBase
 from matplotlib.patches import Polygon
+from scipy.spatial import ConvexHull
 
 from fault_tolerance.analysis.labels import placed_labels
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -29,11 +30,11 @@ class View:
     axes: FloatArray
 
     def flat(self, points: FloatArray) -> FloatArray:
-        """Return ``points`` (..., 3) on the paper, (..., 2)."""
+        """Return ``points`` (..., 3), metres in base axes, on the paper (..., 2)."""
         return np.asarray(points @ self.axes[:2].T)
 
     def nearness(self, points: FloatArray) -> FloatArray:
-        """Return how near to the reader ``points`` (..., 3) are."""
+        """Return how near to the reader ``points`` (..., 3) are, metres."""
         return np.asarray(points @ self.axes[2])
 
 
@@ -63,22 +64,14 @@ class _Ink:
 class Paper:
     """Draws lines, marks and names; everything added is remembered as an obstacle to names.
 
-    Parameters
-    ----------
-    axes : Axes
-    view : View
+    Points are in base axes, metres; what has a higher ``level`` is drawn over the rest.
     """
 
     def __init__(self, axes: Axes, view: View) -> None:
+        self.view = view
         self._axes = axes
-        self._view = view
         self._ink: list[_Ink] = []
         self._names: list[Name] = []
-
-    @property
-    def view(self) -> View:
-        """The projection."""
-        return self._view
 
     @property
     def extent(self) -> FloatArray:
@@ -93,10 +86,10 @@ class Paper:
         return place.get_gridspec()
 
     def line(self, points: FloatArray, level: float, **style: Any) -> None:
-        """Draw a line through ``points`` (k, 3)."""
-        flat = self._view.flat(points)
+        """Draw a line through ``points`` (k, 3) at ``level``, in a ``style`` of matplotlib."""
+        flat = self.view.flat(points)
         style = {'color': STEEL, 'solid_capstyle': 'round', **style}
-        self._axes.plot(flat[:, 0], flat[:, 1], zorder=level, **style)
+        self._axes.plot(*flat.T, zorder=level, **style)
         corners = [*flat[: -1 : max(1, len(flat) // 8)], flat[-1]]
         for ends in zip(corners, corners[1:], strict=False):
             self._ink.append(_Ink(np.array(ends), 0.5 * style['linewidth'], 1.0))
@@ -104,16 +97,20 @@ class Paper:
     def mark(
         self, place: FloatArray, marker: Any, size: float, level: float, **style: Any
     ) -> None:
-        """Draw ``marker`` at ``place`` (3,)."""
-        flat = self._view.flat(place)
-        self._axes.plot(
-            *flat, marker=marker, linestyle='none', markersize=size, zorder=level, **style
-        )
+        """Draw ``marker`` of ``size`` points at ``place`` (3,), ``level``, in ``style``."""
+        flat = self.view.flat(place)
+        style |= {'marker': marker, 'markersize': size, 'linestyle': 'none'}
+        self._axes.plot(*flat, zorder=level, **style)
         self._ink.append(_Ink(np.array([flat, flat]), 0.5 * size, 1.0))
 
     def area(self, corners: FloatArray, level: float, weight: float, **style: Any) -> None:
-        """Draw the hull of ``corners`` (k, 3), whose edges of low ``weight`` may be covered."""
-        outline = hull(self._view.flat(corners))
+        """Draw the hull of ``corners`` (k, 3) at ``level``, in a polygon's ``style``.
+
+        Its edges may be covered with a name at the cost ``weight``.
+        """
+        flat = self.view.flat(corners)
+        # QJ: corners seen edge-on are moved a little, so that they have a hull as well.
+        outline = flat[ConvexHull(flat, qhull_options='QJ').vertices]
         self._axes.add_patch(Polygon(outline, zorder=level, **style))
         for ends in zip(outline, np.roll(outline, -1, axis=0), strict=True):
             self._ink.append(_Ink(np.array(ends), 0.5, weight))
@@ -121,30 +118,22 @@ class Paper:
     def pointer(
         self, ends: FloatArray, level: float, colour: str, dashes: Any, shift: float = 0.0
     ) -> None:
-        """Draw an arrow from one to the other of ``ends`` (2, 3), ``shift`` metres aside."""
-        flat = self._view.flat(ends)
+        """Draw an arrow along ``ends`` (2, 3) at ``level``, ``shift`` metres aside.
+
+        ``colour`` and ``dashes`` are those of a line in matplotlib.
+        """
+        flat = self.view.flat(ends)
         along = flat[1] - flat[0]
         length = float(np.linalg.norm(along))
         if shift:
             flat = flat + shift * np.array([along[1], -along[0]]) / length
             self._ink.append(_Ink(flat, 3.0, 1.0))
-        self._axes.annotate(
-            '',
-            (flat[1, 0], flat[1, 1]),
-            (flat[0, 0], flat[0, 1]),
-            arrowprops={
-                'arrowstyle': '-|>',
-                'color': colour,
-                'linewidth': 1.3,
-                'linestyle': dashes,
-                'shrinkA': 0,
-                'shrinkB': 0,
-            },
-            zorder=level,
-        )
+        arrow = {'arrowstyle': '-|>', 'color': colour, 'linewidth': 1.3, 'linestyle': dashes}
+        arrow |= {'shrinkA': 0, 'shrinkB': 0}
+        self._axes.annotate('', flat[1], flat[0], arrowprops=arrow, zorder=level)
 
     def name(self, name: Name) -> None:
-        """Have ``name`` written in the end."""
+        """Add ``name``, placed when the drawing is complete."""
         self._names.append(name)
 
     def finish(self) -> None:
@@ -169,22 +158,16 @@ class Paper:
         renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
         written = [
             self._axes.text(
-                0.0,
-                0.0,
-                name.text,
-                fontsize=8.5 if name.bold else 7.5,
-                fontweight='bold' if name.bold else 'normal',
-                color=name.colour,
-                ha='center',
-                va='center',
-                zorder=30.0,
+                0.0, 0.0, name.text, fontsize=8.5 if name.bold else 7.5,
+                fontweight='bold' if name.bold else 'normal', color=name.colour,
+                ha='center', va='center', zorder=30.0,
             )
             for name in names
         ]
         boxes = [text.get_window_extent(renderer) for text in written]
         sizes = np.array([(box.width + 3.0, box.height + 1.0) for box in boxes])
         to_pixels = self._axes.transData
-        anchors = to_pixels.transform(self._view.flat(np.array([name.place for name in names])))
+        anchors = to_pixels.transform(self.view.flat(np.array([name.place for name in names])))
         point = figure.dpi / 72.0
         lines = [
             (*to_pixels.transform(ink.ends).ravel(), ink.half_width * point) for ink in self._ink
@@ -199,7 +182,7 @@ class Paper:
             nearest = centre + np.clip(anchor - centre, -0.5 * size, 0.5 * size)
             if np.linalg.norm(anchor - nearest) > _LEADER_FROM:
                 ends = back.transform(np.array([nearest, anchor]))
-                self._axes.plot(ends[:, 0], ends[:, 1], color='0.55', linewidth=0.6, zorder=9.0)
+                self._axes.plot(*ends.T, color='0.55', linewidth=0.6, zorder=9.0)
 
     def _readable_names(self) -> list[Name]:
         for rank in sorted({name.rank for name in self._names}, reverse=True):
@@ -214,16 +197,10 @@ class Paper:
         end = right - 0.03 * (right - left)
         level = low + 0.02 * (high - low)
         ends = np.array([[end - length, level], [end, level]])
-        self._axes.plot(ends[:, 0], ends[:, 1], color='black', linewidth=2.5,
-                        solid_capstyle='butt')
+        self._axes.plot(*ends.T, color='black', linewidth=2.5, solid_capstyle='butt')
         self._axes.annotate(
-            _metres(length),
-            (end - 0.5 * length, level),
-            (0, 4),
-            textcoords='offset points',
-            ha='center',
-            va='bottom',
-            fontsize=8,
+            _metres(length), (end - 0.5 * length, level), (0, 4), textcoords='offset points',
+            ha='center', va='bottom', fontsize=8,
         )
         self._ink.append(_Ink(ends, 14.0, 1.0))
 
@@ -233,39 +210,16 @@ class Paper:
         length = 0.06 * float(self.extent.max())
         corner = np.array([left + 0.6 * length, low + 0.9 * length])
         for name, axis in zip('xyz', np.eye(3), strict=True):
-            step = length * self._view.flat(axis)
+            step = length * self.view.flat(axis)
             if np.linalg.norm(step) < 0.1 * length:
                 continue
             ends = np.array([corner, corner + step])
-            self._axes.plot(ends[:, 0], ends[:, 1], color='black', linewidth=1.1)
-            x, y = corner + 1.3 * step
+            self._axes.plot(*ends.T, color='black', linewidth=1.1)
+            place = corner + 1.3 * step
             self._axes.annotate(
-                name, (x, y), ha='center', va='center', fontsize=8, fontstyle='italic'
+                name, tuple(place), ha='center', va='center', fontsize=8, fontstyle='italic'
             )
             self._ink.append(_Ink(ends, 8.0, 1.0))
-
-
-def hull(points: FloatArray) -> FloatArray:
-    """Return the convex hull of ``points`` (k, 2), anticlockwise."""
-    ordered = sorted({(x, y) for x, y in points.tolist()})
-    if len(ordered) < 3:
-        return np.array(ordered)
-    sides = []
-    for sequence in (ordered, ordered[::-1]):
-        side: list[tuple[float, float]] = []
-        for point in sequence:
-            while len(side) > 1 and _turns_right(side[-2], side[-1], point):
-                side.pop()
-            side.append(point)
-        sides += side[:-1]
-    return np.array(sides)
-
-
-def _turns_right(
-    first: tuple[float, float], second: tuple[float, float], third: tuple[float, float]
-) -> bool:
-    cross = (second[0] - first[0]) * (third[1] - first[1])
-    return cross - (second[1] - first[1]) * (third[0] - first[0]) <= 0.0
 
 
 def _round_length(length: float) -> float:

@@ -1,20 +1,22 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run cut into phases: in each of them the same things are broken."""
+"""A run in phases: during each the failures stay the same."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from itertools import groupby
 from math import nan
 
 import numpy as np
 
-from fault_tolerance.analysis.recording import Health, Recording
+from fault_tolerance.analysis.recorded_data import Health, Recording
 from fault_tolerance.analysis.series import Series
-from fault_tolerance.kinematics.failures import FailureSet, failure_set
+from fault_tolerance.analysis.snapshot import WORDS
+from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -24,28 +26,17 @@ LISTENING = 0.5
 """Seconds before a phase over which the preload of the struts is taken."""
 
 _SHORTEST = 0.3
-MEASURES = (
-    'position_tolerance',
-    'torque_tolerance',
-    'hard_tolerance',
-    'retained_manipulability',
-)
+TOLERANCES = ('position_tolerance', 'torque_tolerance', 'hard_tolerance')
+"""The metrics with the worst p, t and h of a next failure."""
+
+MEASURES = (*TOLERANCES, 'retained_manipulability')
 """The columns of `PhaseRecord.course`."""
 
-_WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'lost'}
 
 
 @dataclass(frozen=True)
 class Phase:
-    """What is broken for a while.
-
-    Attributes
-    ----------
-    name : str
-        For the table.
-    failures : tuple of (str, str)
-        Mode and name of everything broken in it.
-    """
+    """A set of ``failures`` (mode, name) present for some time; its ``name`` is for the table."""
 
     name: str
     failures: tuple[tuple[str, str], ...] = ()
@@ -55,41 +46,21 @@ class Phase:
         """The same in the words of the fault injection topic."""
         return tuple(f'{mode} {name}' for mode, name in self.failures)
 
-    def failure_set(self, mechanism: Mechanism) -> FailureSet:
-        """Return the failures as a set."""
-        return failure_set(mechanism, self.failures)
-
     def is_tolerable(self, mechanism: Mechanism) -> bool:
-        """Return what the theory says, at home."""
-        state = reconfigured(home_rows(mechanism), self.failure_set(mechanism))
-        return state.verdict.tolerable
+        """Return what the theory says of ``mechanism``, at home."""
+        failures = failure_set(mechanism, self.failures)
+        return reconfigured(home_rows(mechanism), failures).verdict.tolerable
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseRecord:
-    """What was seen of one phase; times in seconds from its beginning.
+    """The recorded data of one phase; times in seconds from its beginning.
 
-    Attributes
-    ----------
-    phase : Phase
-    state : str
-        The controller's, at its end.
-    duration : float
-        Seconds.
-    settled : float
-        Seconds after which the error counts.
-    error, reference : Series
-        Pointing error and reference about x and y, radians, at the same times.
-    rates : Series
-        Commanded rates of the actuators.
-    efforts : Series
-        Actuator forces, newtons.
-    preload : (N,) array
-        Mean forces before it.
-    course : Series
-        The worst p, t and h of a next failure, and the manipulability retained.
-    measures : dict of str to float
-        The controller's metrics by name, at its end.
+    ``state`` and ``measures`` are the controller's state and metrics at its end. Errors count
+    after ``settled`` seconds. ``error`` and ``reference`` are angles about x and y (k, 2),
+    radians, ``rates`` those commanded, ``efforts`` the forces of the actuators, newtons, and
+    ``preload`` (N,) their mean before the phase. ``course`` has the columns `MEASURES`: the worst
+    p, t and h of a next failure, and the manipulability retained.
     """
 
     phase: Phase
@@ -116,9 +87,9 @@ class PhaseRecord:
         return Series(self.efforts.time, beyond.max(axis=1, initial=0.0)[:, None])
 
     def error_rms(self, period: float | None) -> float:
-        """Return the median over whole periods (s) of the rms error, radians.
+        """Return the median over whole periods of the rms error, radians.
 
-        Without a period: the rms of all that counts.
+        ``period`` (s) is that of the reference; without it: the rms of all that counts.
         """
         squares = np.sum(self.error.values**2, axis=1)
         since = self.error.time - self.settled
@@ -139,15 +110,9 @@ class PhaseRecord:
 
 @dataclass(frozen=True)
 class Note:
-    """What an operator notes at the beginning of a phase.
+    """The operator's note at the beginning of a ``phase``.
 
-    Attributes
-    ----------
-    phase : Phase
-    settled : float
-        Seconds after which the error counts.
-    period : float
-        Seconds the reference takes.
+    Errors count after ``settled`` seconds; ``period`` is the seconds that the reference takes.
     """
 
     phase: Phase
@@ -156,18 +121,12 @@ class Note:
 
 
 def note_as_text(note: Note) -> str:
-    """Return the text that `note_from_text` understands."""
-    content = {
-        'name': note.phase.name,
-        'failures': [list(failure) for failure in note.phase.failures],
-        'settled': note.settled,
-        'period': note.period,
-    }
-    return json.dumps(content)
+    """Return the text of ``note`` that `note_from_text` understands."""
+    return json.dumps({**asdict(note.phase), 'settled': note.settled, 'period': note.period})
 
 
 def note_from_text(text: str) -> Note | None:
-    """Return what was noted; None for the end of a phase, and for what nobody can read."""
+    """Return the note in ``text``; None for the end of a phase, and for text that is no note."""
     try:
         content = json.loads(text)
         failures = tuple((str(mode), str(name)) for mode, name in content['failures'])
@@ -178,7 +137,7 @@ def note_from_text(text: str) -> Note | None:
 
 
 def phase_records(recording: Recording) -> tuple[list[PhaseRecord], float | None]:
-    """Return the phases of a run, and the period of its reference where that was noted.
+    """Return the phases of ``recording``, and the period (s) of its reference where it was noted.
 
     The operator's notes tell where phases begin and end; in a run without them a phase lasts as
     long as the controller's failures and verdict stay the same.
@@ -207,21 +166,17 @@ def _noted(recording: Recording) -> Iterator[tuple[Note, float, float]]:
 
 def _unchanged(recording: Recording) -> Iterator[tuple[Health, float, float]]:
     """Yield every stretch in which the controller's verdict stayed the same."""
-    health, begin = None, 0.0
-    for one in recording.healths:
-        if health is None or (one.state, one.failures) != (health.state, health.failures):
-            if health is not None:
-                yield health, begin, one.time
-            health, begin = one, one.time
-    if health is not None:
-        yield health, begin, recording.end
+    alike = groupby(recording.healths, key=lambda one: (one.state, one.failures))
+    firsts = [next(group) for _, group in alike]
+    ends = [*(one.time for one in firsts[1:]), recording.end]
+    for health, end in zip(firsts, ends, strict=False):
+        yield health, health.time, end
 
 
 def _phase_of(health: Health) -> Phase:
-    failures = tuple(
-        (mode, name) for mode, _, name in (text.partition(':') for text in health.failures)
-    )
-    words = ', '.join(f'{name} {_WORDS.get(mode, mode)}' for mode, name in failures)
+    parts = [text.partition(':') for text in health.failures]
+    failures = tuple((mode, name) for mode, _, name in parts)
+    words = ', '.join(f'{name} {WORDS.get(mode, mode)}' for mode, name in failures)
     return Phase(words or health.state, failures)
 
 
@@ -229,26 +184,21 @@ def _record(
     recording: Recording, phase: Phase, begin: float, end: float, settled: float
 ) -> PhaseRecord:
     before = recording.efforts.since(begin - LISTENING, begin).values
-    error = recording.error.since(begin, end)
     state = [one.text for one in recording.states if one.time < end]
-    measures = {name: _last(one.since(0.0, end)) for name, one in recording.scalars.items()}
+    measures = {name: one.since(0.0, end).values for name, one in recording.scalars.items()}
     return PhaseRecord(
         phase=phase,
         state=state[-1] if state else '',
         duration=end - begin,
         settled=settled,
-        error=error,
+        error=recording.error.since(begin, end),
         reference=recording.reference.since(begin, end),
         rates=recording.rates.since(begin, end),
         efforts=recording.efforts.since(begin, end),
         preload=before.mean(axis=0) if before.size else np.zeros(before.shape[1]),
         course=_course(recording.scalars, begin, end),
-        measures={name: value for name, value in measures.items() if value is not None},
+        measures={name: float(one[-1, 0]) for name, one in measures.items() if len(one)},
     )
-
-
-def _last(series: Series) -> float | None:
-    return float(series.values[-1, 0]) if len(series) else None
 
 
 def _course(scalars: Mapping[str, Series], begin: float, end: float) -> Series:

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of a run as files: the figure as PNG and SVG, and a page that needs nothing else."""
+"""The report of a run as files: the figure as PNG and SVG, and a self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from fault_tolerance.analysis.demonstration import summary, unrecovered_phases
+from fault_tolerance.analysis.demo_summary import summary, unrecovered_phases
 from fault_tolerance.analysis.figures import LABELS, report_figure
+from fault_tolerance.analysis.phases import TOLERANCES
 from fault_tolerance.analysis.runs import RECOVERED, Run
+from fault_tolerance.analysis.terminal import number
 
 RESOLUTION = 150
 """Dots per inch of the PNG."""
@@ -37,15 +39,10 @@ dt { font-weight: 600; } dd { margin: 0 0 .4rem 0; }
 @media print { body { max-width: none; margin: 0; font-size: 11px; }
                figure { page-break-inside: avoid; } }
 """
-_MEASURES = (
-    ('p', 'position_tolerance'),
-    ('t', 'torque_tolerance'),
-    ('h', 'hard_tolerance'),
-)
 
 
 def write_report(run: Run, folder: Path) -> list[Path]:
-    """Write report.png, report.svg and report.html to ``folder`` and return their paths."""
+    """Write report.png, .svg and .html of ``run`` to ``folder`` and return their paths."""
     figure = report_figure(run)
     drawing = figure_as_svg(figure)
     folder.mkdir(parents=True, exist_ok=True)
@@ -66,10 +63,10 @@ def figure_as_svg(figure: Figure) -> str:
 
 
 def report_page(run: Run, drawing: str) -> str:
-    """Return the page (HTML) with ``drawing`` (SVG) in it; it refers to nothing outside."""
+    """Return the page (HTML) of ``run`` with ``drawing`` (SVG); it refers to nothing outside."""
     result = summary(run)
     name = escape(run.mechanism_name or 'a run')
-    # What a page does not need: the declarations, and descriptions with addresses in them.
+    # Declarations and metadata have no place inside a page.
     inline = re.sub(r'<metadata>.*?</metadata>', '', drawing[drawing.index('<svg'):], flags=re.S)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -82,7 +79,7 @@ def report_page(run: Run, drawing: str) -> str:
 
 
 def verdict(result: Mapping[str, Any]) -> str:
-    """Return in a sentence what the run showed."""
+    """Return in a sentence what the run of ``result`` (from `summary`) showed."""
     broken = [phase for phase in result['phases'] if phase['failures']]
     borne = [phase for phase in broken if phase['state'] == 'degraded']
     stopped = [phase for phase in broken if phase['state'] == 'stopped']
@@ -98,17 +95,15 @@ def verdict(result: Mapping[str, Any]) -> str:
 
 def _table(result: Mapping[str, Any]) -> str:
     passes = list(result['phases'][0]['error_rms_urad'])
-    heads = ['', 'what has failed', 'state', *(letter for letter, _ in _MEASURES)]
+    heads = ['', 'what has failed', 'state', 'p', 't', 'h']
     for what in ('error rms, µrad', 'largest force, N'):
         heads += [f'{what}{f", {LABELS[one]}" if len(passes) > 1 else ""}' for one in passes]
     rows = [
         [
-            str(index),
-            phase['name'],
-            phase['state'],
-            *(_number(phase['measures'].get(key), '.3f') for _, key in _MEASURES),
-            *(_number(phase['error_rms_urad'][one], '.1f') for one in passes),
-            *(_number(phase['peak_force'][one], '.2f') for one in passes),
+            str(index), phase['name'], phase['state'],
+            *(number(phase['measures'].get(name), '.3f', '–') for name in TOLERANCES),
+            *(number(phase['error_rms_urad'][one], '.1f', '–') for one in passes),
+            *(number(phase['peak_force'][one], '.2f', '–') for one in passes),
         ]
         for index, phase in enumerate(result['phases'], 1)
     ]
@@ -136,7 +131,3 @@ def _explanations(result: Mapping[str, Any]) -> str:
     )
     items = ''.join(f'<dt>{word}</dt><dd>{escape(text)}</dd>' for word, text in entries)
     return f'<dl>{items}</dl>'
-
-
-def _number(value: float | None, form: str) -> str:
-    return '–' if value is None else format(value, form)

@@ -10,53 +10,40 @@ from typing import Any
 
 import numpy as np
 
-from fault_tolerance.kinematics.many_measures import pair_measures
-from fault_tolerance.kinematics.measures import NextFailure, next_failure, present_measures
-from fault_tolerance.kinematics.outlook import hard_torque_equivalence
+from fault_tolerance.kinematics.failure_budget import hard_torque_equivalence
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.measures import NextFailure
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.mechanism.arrays import FloatArray
 
 
 def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any]:
-    """Return the measures of ``state`` and its kinematics as strings, numbers, lists and None.
+    """Return the measures of ``state`` and its kinematics as plain data for JSON.
 
-    Parameters
-    ----------
-    state : PostFailure
-    pairs : bool
-        Whether every pair of further failures is wanted too.
-
-    Returns
-    -------
-    dict
-        The keys of ``python -m fault_tolerance measures --json``: docs/command_line.md.
+    ``pairs`` adds every pair of further failures. The keys: docs/command_line.md.
     """
-    mechanism, present, verdict = state.rows.mechanism, state.present, state.verdict
+    mechanism, present, verdict = state.mechanism, state.present, state.verdict
     actuators, struts = mechanism.actuator_names, mechanism.strut_names
-    so_far, ahead = present_measures(state), next_failure(state)
+    so_far, ahead = state.measures, state.next_failure
     report: dict[str, Any] = {
         'mechanism': mechanism.name,
         'actuators': list(actuators),
         'struts': list(struts),
         'task': list(mechanism.task.coordinates),
         'major': list(mechanism.task.major),
+        'at': _by_name(actuators, state.configuration.actuator_values),
         'mobility': verdict.mobility,
         'stable': verdict.stable,
         'tolerable': verdict.tolerable,
         'reason': verdict.reason,
         'jacobian': _rows(present.jacobian),
         'mapping': _rows(present.mapping),
-        'failures': [
-            {'name': failure.name, 'mode': failure.mode.value}
-            for failure in state.failures.failures
-        ],
+        'failures': failure_entries(state.failures),
         'lost': list(verdict.lost),
         'gained': list(verdict.gained),
         'present': {
-            'position': so_far.position,
-            'torque': so_far.torque,
-            'hard': so_far.hard,
-            'retained_manipulability': so_far.retained_manipulability,
+            name: getattr(so_far, name)
+            for name in ('position', 'torque', 'hard', 'retained_manipulability')
         },
         'smallest_singular_value': so_far.smallest_singular_value,
         'condition_number': so_far.condition_number,
@@ -71,18 +58,21 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
     }
     if pairs:
         driving = np.flatnonzero(present.active).tolist()
-        for key, values in zip(
-            ('position_pairs', 'torque_pairs'), pair_measures(present), strict=True
-        ):
-            report[key] = {
+        for kind, values in state.pair_measures._asdict().items():
+            report[f'{kind}_pairs'] = {
                 f'{actuators[first]},{actuators[second]}': float(values[first, second])
                 for first, second in combinations(driving, 2)
             }
     return report
 
 
+def failure_entries(failures: FailureSet) -> list[dict[str, str]]:
+    """Return name and mode of each of ``failures``."""
+    return [{'name': failure.name, 'mode': failure.mode.value} for failure in failures.failures]
+
+
 def worst_next(ahead: NextFailure) -> dict[str, Any] | None:
-    """Return the single failure that would hurt most, None if nothing is left to fail."""
+    """Return mode, name and measure of the worst failure ``ahead``; None if nothing is left."""
     if ahead.worst is None:
         return None
     worst = ahead.worst

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fault_tolerance.analysis.phases import Phase, PhaseRecord, phase_records
-from fault_tolerance.analysis.recording import Recording
+from fault_tolerance.analysis.recorded_data import Recording
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -26,19 +26,11 @@ ONLY = 'run'
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Phases seen once or twice.
+    """The same phases seen once or twice.
 
-    Attributes
-    ----------
-    mechanism_name : str
-    mechanism : Mechanism or None
-        None if there is no shipped mechanism or file of this name.
-    actuators : tuple of str
-        In the order of the columns of rates and forces.
-    period : float or None
-        Seconds the reference takes, where that is known.
-    passes : dict of str to list of PhaseRecord
-        `RECOVERED` and `UNRECOVERED` with the same phases, or `ONLY`.
+    ``mechanism`` is None if nothing shipped and no file has its name. ``actuators`` name the
+    columns of rates and forces. ``period`` is the seconds that the reference takes, where that is
+    known. ``passes`` are `RECOVERED` and `UNRECOVERED`, with the same phases, or `ONLY`.
     """
 
     mechanism_name: str
@@ -55,13 +47,12 @@ class Run:
     @property
     def rate_limits(self) -> FloatArray:
         """Largest rates of the actuators, (N,); infinite where there is no limit."""
-        limits = np.full(len(self.actuators), np.inf)
         if self.mechanism is not None and self.mechanism.actuator_names == self.actuators:
-            limits = self.mechanism.velocity_limits
-        return limits
+            return self.mechanism.velocity_limits
+        return np.full(len(self.actuators), np.inf)
 
     def is_tolerable(self, phase: Phase) -> bool | None:
-        """Return what the theory says, at home; None for a mechanism that is not known."""
+        """Return what theory says of ``phase``, at home; None if the mechanism is not known."""
         if self.mechanism is None:
             return None
         try:
@@ -74,27 +65,21 @@ def run_of(recordings: Mapping[str, Recording], namespace: str | None = None) ->
     """Return the run in ``recordings`` (by namespace).
 
     Without a ``namespace`` it is the demonstration, if there is one, or the only robot.
-
-    Raises
-    ------
-    FaultToleranceError
-        If there is no controller, not that one, or more than one to choose from.
+    FaultToleranceError if there is no controller, not that one, or more than one to choose from.
     """
     if not recordings:
         raise FaultToleranceError('no state or metrics of a controller in it')
+    spaces = ', '.join(space or '/' for space in recordings)
     if namespace is None:
         pair = {RECOVERED: '', UNRECOVERED: f'/{UNRECOVERED}'}
         if set(pair.values()) == set(recordings):
             return _run({name: recordings[space] for name, space in pair.items()})
         if len(recordings) > 1:
-            spaces = ', '.join(space or '/' for space in recordings)
             raise FaultToleranceError(f'more than one robot: choose a namespace of {spaces}')
-        (chosen,) = recordings.values()
-        return _run({ONLY: chosen})
+        return _run({ONLY: next(iter(recordings.values()))})
     wanted = namespace.strip('/')
     space = f'/{wanted}' if wanted else ''
     if space not in recordings:
-        spaces = ', '.join(other or '/' for other in recordings)
         raise FaultToleranceError(f'no controller in the namespace /{wanted}; there is: {spaces}')
     return _run({ONLY: recordings[space]})
 
@@ -102,7 +87,7 @@ def run_of(recordings: Mapping[str, Recording], namespace: str | None = None) ->
 def _run(recordings: Mapping[str, Recording]) -> Run:
     found = {name: phase_records(recording) for name, recording in recordings.items()}
     passes = {name: records for name, (records, _) in found.items()}
-    # A demonstration that was broken off: what both passes have.
+    # Of an interrupted demonstration, the phases that both passes have.
     count = min(len(records) for records in passes.values())
     if count == 0:
         raise FaultToleranceError('nothing in it lasts long enough to be shown')

@@ -14,7 +14,7 @@ import numpy as np
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.configuration import Configuration
-from fault_tolerance.mechanism.description import Joint, Strut
+from fault_tolerance.mechanism.parts import Joint, Strut
 from fault_tolerance.mechanism.screws import exponential
 
 # A prismatic joint at an end of a chain has no place of its own: it is drawn so far from its
@@ -33,15 +33,7 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class DrawnJoint:
-    """A joint as it was written: revolute R, prismatic P, universal U or spherical S.
-
-    Attributes
-    ----------
-    name, letter : str
-    place : (3,) array
-        Where it is now, metres, base axes.
-    axes : tuple of Axis
-    """
+    """A joint as it was written: its ``letter`` is R, P, U or S, its ``place`` (3,) metres now."""
 
     name: str
     letter: str
@@ -59,20 +51,11 @@ class DrawnStrut:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything there is to see of a mechanism.
+    """Everything there is to see of a mechanism, in base axes and metres.
 
-    Attributes
-    ----------
-    name : str
-    struts : tuple of DrawnStrut
-    pose : (4, 4) array
-        The platform frame in base axes.
-    corners : (s, 3) array
-        Where on the platform the struts are, or were before they were lost.
-    size : float
-        Diagonal of the box around it, metres.
-    normal : (3,) array or None
-        The direction from which to look at a planar mechanism.
+    ``pose`` (4, 4) is the platform frame, ``corners`` (s, 3) where on the platform the struts are,
+    or were before they were lost, ``size`` the diagonal of the box around everything. ``normal``
+    (3,) is the direction from which to look at a planar mechanism.
     """
 
     name: str
@@ -92,28 +75,18 @@ class Scene:
 def scene_of(configuration: Configuration) -> Scene:
     """Return what there is to see of a mechanism at ``configuration``.
 
-    Raises
-    ------
-    MechanismError
-        If it is given by numbers.
+    MechanismError if it is given by its Jacobian.
     """
     mechanism = configuration.mechanism
     if not mechanism.struts:
-        raise MechanismError(mechanism.name, '', 'is given by numbers: there is nothing to draw')
+        reason = 'is given by its Jacobian: there is nothing to draw'
+        raise MechanismError(mechanism.name, '', reason)
     pose = configuration.pose
-    moved = [
-        _moved(strut, configuration.joint_values[place])
-        for place, strut in enumerate(mechanism.struts)
-    ]
+    moved = list(map(_moved, mechanism.struts, configuration.joint_values))
     fixed = [
-        place
-        for joints in moved
-        for joint, place, _ in joints
-        if joint.kind == 'revolute'
+        place for joints in moved for joint, place, _ in joints if joint.kind == 'revolute'
     ]
-    points = np.array([*fixed, pose[:3, 3]])
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    size = size if size > 0.0 else mechanism.characteristic_length
+    size = _diagonal(np.array([*fixed, pose[:3, 3]])) or mechanism.characteristic_length
     struts = tuple(
         DrawnStrut(strut.name, _drawn(strut, joints, pose[:3, 3], size))
         for strut, joints in zip(mechanism.struts, moved, strict=True)
@@ -124,12 +97,19 @@ def scene_of(configuration: Configuration) -> Scene:
     ]
     corners = pose[:3, 3] + (np.array(tips) - mechanism.origin) @ pose[:3, :3].T
     scene = Scene(mechanism.name, struts, pose, corners, size, None)
-    size = float(np.linalg.norm(np.ptp(scene.places, axis=0)))
-    return replace(scene, size=size or 1.0, normal=_common_normal(scene))
+    return replace(scene, size=_diagonal(scene.places) or 1.0, normal=_common_normal(scene))
+
+
+def _diagonal(points: FloatArray) -> float:
+    """Return the diagonal of the box around ``points`` (k, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def joint_groups(strut: Strut) -> list[tuple[str, tuple[Joint, ...]]]:
-    """Return the joints of ``strut`` as they were written: universal and spherical ones whole."""
+    """Return name and axes of the joints of ``strut``, base to platform.
+
+    Universal and spherical joints are whole, as they were written.
+    """
     groups: list[tuple[str, tuple[Joint, ...]]] = []
     for prefix, members in groupby(strut.joints, key=lambda joint: joint.name.rpartition('.')[0]):
         joints = tuple(members)
@@ -159,33 +139,20 @@ def _moved(strut: Strut, values: FloatArray) -> list[tuple[Joint, FloatArray, Fl
 
 
 def _drawn(
-    strut: Strut,
-    moved: list[tuple[Joint, FloatArray, FloatArray]],
-    platform: FloatArray,
+    strut: Strut, moved: list[tuple[Joint, FloatArray, FloatArray]], platform: FloatArray,
     size: float,
 ) -> tuple[DrawnJoint, ...]:
     where = {joint.name: (place, axis) for joint, place, axis in moved}
     groups = joint_groups(strut)
-    places = _placed(
-        [
-            (joint_letter(joints), *where[joints[0].name])
-            for _, joints in groups
-        ],
-        platform,
-        size,
-    )
-    return tuple(
-        DrawnJoint(
-            name,
-            joint_letter(joints),
-            place,
-            tuple(
-                Axis(where[joint.name][1], joint.actuator.name if joint.actuator else '')
-                for joint in joints
-            ),
+    written = [(joint_letter(joints), *where[joints[0].name]) for _, joints in groups]
+    drawn = []
+    for (name, joints), place in zip(groups, _placed(written, platform, size), strict=True):
+        axes = tuple(
+            Axis(where[joint.name][1], joint.actuator.name if joint.actuator else '')
+            for joint in joints
         )
-        for (name, joints), place in zip(groups, places, strict=True)
-    )
+        drawn.append(DrawnJoint(name, joint_letter(joints), place, axes))
+    return tuple(drawn)
 
 
 def _placed(
@@ -206,33 +173,21 @@ def _placed(
             places.append((1.0 - share) * joints[before][1] + share * joints[after][1])
         elif before is not None:
             places.append(places[-1] + stub * axis)
-        elif after is not None:
-            steps = [other_axis for _, _, other_axis in joints[index:after]]
-            places.append(joints[after][1] - stub * np.sum(steps, axis=0))
         else:
-            steps = [other_axis for _, _, other_axis in joints[index:]]
-            places.append(platform - stub * np.sum(steps, axis=0))
+            end = platform if after is None else joints[after][1]
+            steps = [other_axis for _, _, other_axis in joints[index:after]]
+            places.append(end - stub * np.sum(steps, axis=0))
     return places
 
 
 def _common_normal(scene: Scene) -> FloatArray | None:
     """Return the normal of the plane in which everything moves, if there is one."""
-    turning = [
-        axis.direction
-        for strut in scene.struts
-        for joint in strut.joints
-        if joint.letter != 'P'
-        for axis in joint.axes
-    ]
+    joints = [joint for strut in scene.struts for joint in strut.joints]
+    turning = [axis.direction for one in joints if one.letter != 'P' for axis in one.axes]
+    sliding = [one.axes[0].direction for one in joints if one.letter == 'P']
     if not turning:
         return None
     normal = turning[0]
-    sliding = [
-        joint.axes[0].direction
-        for strut in scene.struts
-        for joint in strut.joints
-        if joint.letter == 'P'
-    ]
     parallel = all(np.linalg.norm(np.cross(axis, normal)) < _SAME_PLACE for axis in turning)
     across = all(abs(float(axis @ normal)) < _SAME_PLACE for axis in sliding)
     heights = scene.places @ normal

@@ -16,14 +16,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Samples with their times.
-
-    Attributes
-    ----------
-    time : (k,) array
-        Seconds, ascending.
-    values : (k, c) array
-    """
+    """Samples ``values`` (k, c) with their ascending ``time`` (k,), seconds."""
 
     time: FloatArray
     values: FloatArray
@@ -33,26 +26,21 @@ class Series:
         return len(self.time)
 
     def since(self, begin: float, end: float = inf) -> Series:
-        """Return the part from ``begin`` to before ``end``, with times counted from ``begin``."""
+        """Return the part from ``begin`` to before ``end`` (s); times count from ``begin``."""
         chosen = (self.time >= begin) & (self.time < end)
         return Series(self.time[chosen] - begin, self.values[chosen])
 
     def minus(self, other: Series) -> Series:
-        """Return the difference, at the times that both have."""
+        """Return the difference from ``other``, at the times that both have."""
         time, ours, theirs = np.intersect1d(self.time, other.time, return_indices=True)
         return Series(time, self.values[ours] - other.values[theirs])
 
 
 def series_of(samples: Sequence[tuple[float, Sequence[float]]], columns: int = 0) -> Series:
-    """Return the series of ``samples``, sorted by time.
+    """Return the series of ``samples`` (time, values), sorted by time.
 
-    Parameters
-    ----------
-    samples : sequence of (float, sequence of float)
-        Time and values. Those of another length than the last one are left out: they are no
-        measurement of the same things.
-    columns : int
-        Width of the result if there are no samples.
+    Without samples it is ``columns`` wide. Values of another length than the last ones
+    are left out: they are no measurement of the same things.
     """
     width = len(samples[-1][1]) if samples else columns
     alike = sorted((one for one in samples if len(one[1]) == width), key=lambda one: one[0])

@@ -9,6 +9,7 @@ from math import pi
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 from matplotlib.path import Path as MarkerPath
 
 from fault_tolerance.analysis.paper import STEEL, Name, Paper
@@ -16,7 +17,7 @@ from fault_tolerance.analysis.scene import DrawnJoint, DrawnStrut, Scene
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 
-# Okabe and Ito's colours: told apart by everybody; what failed differs in form as well.
+# Okabe and Ito's colours, safe for colour-blind readers; what failed differs in form as well.
 DRIVE = '#D55E00'
 PLATFORM = '#56B4E9'
 STUCK = '#0072B2'
@@ -32,15 +33,9 @@ _ON_TOP = 16.0
 
 
 class Sketch:
-    """Draws a scene on a sheet.
+    """Draws ``scene`` with its ``failures`` on ``paper``.
 
-    Parameters
-    ----------
-    paper : Paper
-    scene : Scene
-    failures : FailureSet
-    plan : bool
-        Whether this is the small second view, which names the struts only.
+    ``plan`` is for the small second view, which names the struts only.
     """
 
     def __init__(self, paper: Paper, scene: Scene, failures: FailureSet, *, plan: bool) -> None:
@@ -102,8 +97,7 @@ class Sketch:
 
     def _draw_strut(self, strut: DrawnStrut) -> None:
         lost = strut.name in self._failures.lost
-        joints = strut.joints
-        places = np.array([joint.place for joint in joints])
+        places = np.array([joint.place for joint in strut.joints])
         level = self._level(places)
         style: dict[str, Any] = {'linewidth': 1.8}
         if lost:
@@ -114,7 +108,7 @@ class Sketch:
         text = f'{strut.name} (lost)' if lost else strut.name
         place = 0.55 * places[0] + 0.45 * second
         self._paper.name(Name(0, text, place, FAINT if lost else 'black', bold=True))
-        for index, joint in enumerate(joints):
+        for index, joint in enumerate(strut.joints):
             if joint.letter == 'P':
                 # No longer than what it slides on.
                 neighbour = places[index - 1] if index else second
@@ -153,13 +147,8 @@ class Sketch:
             reach, width = (0.5, 2.2) if joint.letter == 'U' else (0.8, HINGE)
             for axis in joint.axes:
                 arm = reach * self._unit * np.array([-axis.direction, axis.direction])
-                self._paper.line(
-                    joint.place + arm,
-                    level + 0.2,
-                    color=edge,
-                    linewidth=width,
-                    solid_capstyle='butt',
-                )
+                style = {'color': edge, 'linewidth': width, 'solid_capstyle': 'butt'}
+                self._paper.line(joint.place + arm, level + 0.2, **style)
             self._paper.mark(joint.place, 'o', 4, level + 0.3, **dot)
         for axis in joint.axes:
             if axis.actuator:
@@ -214,3 +203,29 @@ class Sketch:
         if actuator in self._failures.free:
             return FREE, 'white'
         return (DRIVE, DRIVE) if actuator else (STEEL, 'white')
+
+
+def legend(scene: Scene, failures: FailureSet) -> list[Line2D]:
+    """Return the handles of a legend for what there is in ``scene`` and its ``failures``."""
+    letters = {joint.letter for strut in scene.struts for joint in strut.joints}
+    mark: dict[str, Any] = {'color': 'black', 'linestyle': 'none'}
+    hinge = {'color': 'black', 'linewidth': HINGE}
+    if scene.normal is not None:
+        hinge = {**mark, 'marker': 'o', 'markersize': 5, 'markerfacecolor': 'white'}
+    cross = {**mark, 'marker': '+', 'markersize': CROSS, 'markeredgewidth': 2.2}
+    sphere = {**mark, 'marker': 'o', 'markersize': SPHERE, 'markerfacecolor': 'white'}
+    base = {**mark, 'marker': '^', 'markersize': 10, 'color': '0.8', 'markeredgecolor': FAINT}
+    stuck = {**mark, 'marker': 'x', 'markersize': 8, 'color': STUCK, 'markeredgewidth': 2.2}
+    free = {'color': FREE, 'linestyle': FREE_DASHES, 'linewidth': 2}
+    entries = [
+        (True, 'driven (arrow: positive)', {'color': DRIVE, 'linewidth': 6}),
+        ('R' in letters, 'revolute joint', hinge),
+        ('U' in letters, 'universal joint', cross),
+        ('S' in letters, 'spherical joint', sphere),
+        (True, 'base', base),
+        (True, 'platform', {'color': PLATFORM, 'linewidth': 8, 'alpha': 0.5}),
+        (bool(failures.stuck), 'stuck', stuck),
+        (bool(failures.free), 'free', free),
+        (bool(failures.lost), 'lost', {'color': FAINT, 'linestyle': LOST_DOTS}),
+    ]
+    return [Line2D([], [], label=label, **style) for shown, label, style in entries if shown]

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A controlled mechanism at one moment, as plain data for people to look at."""
+"""A controlled mechanism at one moment, as plain data for the live view."""
 
 from __future__ import annotations
 
@@ -23,19 +23,9 @@ NOT_TOLERATED = 0.01
 class Actuator:
     """An actuator: what has failed, what failing next would leave, and how fast it is to go.
 
-    Attributes
-    ----------
-    name : str
-    failure : str
-        ``none``, ``position``, ``torque`` or ``hard``.
-    position, torque : float or None
-        Measure if it failed next; None if that cannot happen any more, or is not known.
-    rate : float or None
-        Commanded, m/s or rad/s.
-    limit : float
-        Of the rate.
-    unit : str
-        Of the rate; empty if not known.
+    ``failure`` is ``none``, ``position``, ``torque`` or ``hard``. The measures ``position`` and
+    ``torque`` are None if that cannot happen any more, or is not known. ``rate`` is commanded, and
+    with its ``limit`` in ``unit``, which is empty if not known.
     """
 
     name: str
@@ -60,28 +50,11 @@ class Strut:
 class Snapshot:
     """Everything the live view shows.
 
-    Attributes
-    ----------
-    title : str
-        Mechanism and namespace.
-    state : str
-        Of the controller; empty before it has been heard.
-    reason : str
-    failures : tuple of str
-        As ``position:theta_4``.
-    worst_next : str
-        The next failure that hurts most, as ``torque:theta_1``; empty if none is left.
-    worst_measure : float
-    values : mapping of str to float
-        Further numbers to show, by the words for them.
-    actuators : tuple of Actuator
-    struts : tuple of Strut
-    errors : tuple of float
-        The last pointing errors, radians, oldest first; empty if nobody publishes them.
-    fastest : float
-        The largest rate of late: full scale of the bars.
-    age : float
-        Seconds since the controller was last heard.
+    ``state`` is empty before the controller has been heard. ``failures`` are as
+    ``position:theta_4``, and so is ``worst_next``, the next failure that hurts most; it is empty
+    if none is left. ``values`` are further numbers by the words for them. ``errors`` are the last
+    pointing errors, radians, oldest first. ``fastest`` is the largest rate of late: full scale of
+    the bars. ``age`` is in seconds since the controller was last heard.
     """
 
     title: str
@@ -106,7 +79,7 @@ class Snapshot:
 
 
 def with_prefix(value: float, unit: str) -> str:
-    """Return a quantity with a prefix that leaves one to three digits before the point."""
+    """Return ``value`` with ``unit``, prefixed to leave one to three digits before the point."""
     if not unit:
         return f'{value:.3g}'
     size = abs(value)

@@ -6,13 +6,8 @@
 from __future__ import annotations
 
 SCALARS = (
-    'position_tolerance',
-    'torque_tolerance',
-    'hard_tolerance',
-    'retained_manipulability',
-    'condition_number',
-    'recovery_time',
-    'active_failures',
+    'position_tolerance', 'torque_tolerance', 'hard_tolerance', 'retained_manipulability',
+    'condition_number', 'recovery_time', 'active_failures',
 )
 """The controller's metrics with a topic of their own."""
 
@@ -31,10 +26,9 @@ RECORDED = {
     STATE: 'std_msgs/msg/String',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
-    **{
-        f'{METRICS}/{mode}': 'std_msgs/msg/Float64MultiArray'
-        for mode in ('position', 'torque', 'hard')
-    },
+    f'{METRICS}/position': 'std_msgs/msg/Float64MultiArray',
+    f'{METRICS}/torque': 'std_msgs/msg/Float64MultiArray',
+    f'{METRICS}/hard': 'std_msgs/msg/Float64MultiArray',
     'fault_tolerance/task_velocity': 'geometry_msgs/msg/TwistStamped',
     'fault_tolerance/achieved_velocity': 'geometry_msgs/msg/TwistStamped',
     'fsm/inject_fault': 'std_msgs/msg/String',
@@ -55,7 +49,7 @@ _READ = (
 
 
 def split(topic: str) -> tuple[str, str] | None:
-    """Return namespace (empty, or with a leading slash) and relative name of a full topic.
+    """Return namespace (empty, or with a leading slash) and relative name of a full ``topic``.
 
     None for a topic that nothing is read from.
     """

@@ -1,14 +1,13 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which failures a campaign goes through, and what the theory says of each."""
+"""The failures of a campaign, and the verdict of theory on each."""
 
 from __future__ import annotations
 
 from itertools import combinations
 
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
-from fault_tolerance.kinematics.measures import present_measures
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.description import Mechanism
@@ -18,14 +17,14 @@ MECHANISMS = ('mirror_3_strut', 'mirror_4_strut', 'mirror_overactuated', 'gough_
 
 
 def single_failures(mechanism: Mechanism) -> tuple[FailureSet, ...]:
-    """Return every single failure: each actuator stuck, each free, each strut lost."""
+    """Return every single failure of ``mechanism``: actuators stuck or free, struts lost."""
     pairs = [(mode, name) for mode in ('position', 'torque') for name in mechanism.actuator_names]
     pairs += [('hard', name) for name in mechanism.strut_names]
     return tuple(failure_set(mechanism, [pair]) for pair in pairs)
 
 
 def double_failures(mechanism: Mechanism) -> tuple[FailureSet, ...]:
-    """Return every pair of single failures that is more than its parts.
+    """Return every pair of single failures of ``mechanism`` that is more than its parts.
 
     Two drives of one strut may fail differently; a strut that is lost takes its drives along, so
     its loss and a failure of one of them are the single failure again.
@@ -39,7 +38,8 @@ def double_failures(mechanism: Mechanism) -> tuple[FailureSet, ...]:
 
 
 def is_tolerable(mechanism: Mechanism, failures: FailureSet) -> bool:
-    """Return the theory's verdict at home: tolerable (docs/theory.md, section 4), no measure 0."""
-    post = reconfigured(home_rows(mechanism), failures)
-    found = present_measures(post)
-    return post.verdict.tolerable and min(found.position, found.torque, found.hard) > 0.0
+    """Return the theory's verdict on ``mechanism`` at home with ``failures``.
+
+    Rank and stability: docs/theory.md, section 4.
+    """
+    return reconfigured(home_rows(mechanism), failures).verdict.tolerable

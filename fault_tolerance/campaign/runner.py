@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A whole campaign: every trial on as many cores as there are, and what it writes."""
+"""A whole campaign: its trials in parallel, and its results."""
 
 from __future__ import annotations
 
@@ -17,15 +17,7 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich import progress
 
 from fault_tolerance.analysis.campaign import (
     TrialRecord,
@@ -33,6 +25,7 @@ from fault_tolerance.analysis.campaign import (
     campaign_summary,
     campaign_table,
 )
+from fault_tolerance.analysis.terminal import console_for_text
 from fault_tolerance.campaign.cases import MECHANISMS, double_failures, single_failures
 from fault_tolerance.campaign.trial import Bench, TrialSettings
 from fault_tolerance.closed_loop import ClosedLoop
@@ -58,19 +51,9 @@ def tasks(
 ) -> list[Task]:
     """Return the trials of a campaign, mechanism by mechanism.
 
-    Parameters
-    ----------
-    mechanisms : sequence of str
-        Shipped names, or files.
-    settings : TrialSettings
-        Its seed, plus the number of the trial among those of its mechanism, is the trial's.
-    doubles : bool
-        Whether pairs of failures come after the single ones.
-
-    Raises
-    ------
-    FaultToleranceError
-        If a mechanism cannot be had, or cannot point.
+    ``mechanisms`` are shipped names or files. The seed of a trial is that of ``settings`` plus its
+    number among those of its mechanism. ``doubles`` adds pairs after the single failures.
+    FaultToleranceError if a mechanism cannot be used, or cannot point.
     """
     found = []
     for name in mechanisms:
@@ -86,7 +69,10 @@ def tasks(
 
 
 def records(todo: Sequence[Task], jobs: int, done: Callable[[], None]) -> list[TrialRecord]:
-    """Return what came of the trials, in their order; ``done`` is called after each."""
+    """Return the results of ``todo``, in its order, from ``jobs`` processes at a time.
+
+    ``done`` is called after each.
+    """
     found = []
     with _mapping(jobs) as each:
         for record in each(todo):
@@ -103,28 +89,21 @@ def run_campaign(
     jobs: int | None = None,
     settings: TrialSettings | None = None,
 ) -> int:
-    """Run a campaign, write its results to ``folder`` and return the exit code.
+    """Run a campaign, write its results to ``folder``; return 0 if all is as theory says, else 1.
 
-    Parameters
-    ----------
-    folder : Path
-    mechanisms : sequence of str
-    doubles : bool
-        Whether pairs of failures are tried.
-    jobs : int, optional
-        How many trials at a time; all cores by default.
-    settings : TrialSettings, optional
-
-    Returns
-    -------
-    int
-        0 if all went as the theory says, else 1.
+    ``mechanisms``, ``doubles`` and ``settings`` are those of `tasks`; ``jobs`` trials run at a
+    time, on all cores by default. FaultToleranceError if a mechanism cannot be used, or the
+    results cannot be written.
     """
     settings = settings or TrialSettings(clock=time.thread_time)
-    console = Console(markup=False, emoji=False, highlight=False)
+    console = console_for_text(markup=False, emoji=False, highlight=False)
     todo = tasks(tuple(dict.fromkeys(mechanisms)), settings, doubles=doubles)
-    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=console) as bar:
+    columns = (
+        progress.TextColumn('{task.description}'), progress.BarColumn(),
+        progress.MofNCompleteColumn(), progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+    )
+    with progress.Progress(*columns, console=console) as bar:
         shown = bar.add_task('trials', total=len(todo))
         found = records(todo, jobs or _cores(), lambda: bar.advance(shown))
     summary = campaign_summary(found, settings.seed)
@@ -162,7 +141,7 @@ def _mapping(jobs: int) -> Iterator[Callable[[Sequence[Task]], Iterator[TrialRec
     if jobs == 1:
         yield lambda todo: map(_record, todo)
         return
-    # The matrices are small: every process has enough of one thread.
+    # Matrices are small: one BLAS thread per process.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
         try:

@@ -12,9 +12,9 @@ import numpy as np
 
 from fault_tolerance.analysis.campaign import TrialRecord
 from fault_tolerance.campaign.cases import is_tolerable
-from fault_tolerance.closed_loop import ClosedLoop, LoopSettings, Trace, failure_words
-from fault_tolerance.control.recovery import State
+from fault_tolerance.closed_loop import ClosedLoop, LoopSettings, Trace
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -23,30 +23,20 @@ from fault_tolerance.simulation.reference import Raster, Reference
 
 @dataclass(frozen=True)
 class TrialSettings:
-    """How a trial goes.
+    """How a trial goes; all times in seconds.
 
-    Attributes
-    ----------
-    reference : Reference
-        What is followed, with a period of 1 s. By default a raster, the work of a scanning
-        mirror: no feedforward foresees its turns, so that the healthy error is that of a task
-        (some microradians) and not the elastic deflection alone, as on a circle.
-    warm_up, healthy : float
-        Seconds from rest until errors count, and over which they count.
-    latest : float
-        Seconds after that within which the failure happens.
-    settling, watched : float
-        Seconds after a tolerable failure until errors count again, and over which they count.
-        The error at the failure itself, about the way of one period, dies away in between.
-    stopped : float
-        Seconds for which a stop is watched.
-    recovery : bool
-        False: without recovery, to see that the campaign notices.
-    seed : int
-        Of the healthy run.
-    clock : callable, optional
-        Returns seconds; measures what a recovery takes. 0 is given without it. Best a clock of
-        the thread's own work: others share the machine's cores while a campaign runs.
+    The ``reference`` has a period of 1 s. By default it is a raster, the work of a scanning
+    mirror: no feedforward foresees its turns, so that the healthy error is that of a task (some
+    microradians) and not the elastic deflection alone, as on a circle.
+
+    After ``warm_up`` from rest, errors count over ``healthy``; the failure happens within
+    ``latest`` after that. After a tolerable failure errors count again from ``settling``, over
+    ``watched``: the error at the failure itself, about the way of one period, dies away in
+    between. A stop is watched for ``stopped``.
+
+    Without ``recovery`` the campaign has to notice. ``seed`` is that of the healthy run. ``clock``
+    returns seconds and measures what a recovery takes; 0 is given without it. Best is a clock of
+    the thread's own work: others share the machine's cores while a campaign runs.
     """
 
     reference: Reference = Raster(frequency=1.0)
@@ -64,11 +54,7 @@ class TrialSettings:
 class Bench:
     """A healthy mechanism at work, of which every trial gets a copy to break.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With struts, and wx, wy in its task.
-    settings : TrialSettings, optional
+    ``mechanism`` has struts, and wx, wy in its task.
     """
 
     def __init__(self, mechanism: Mechanism, settings: TrialSettings | None = None) -> None:
@@ -83,17 +69,12 @@ class Bench:
     def trial(self, failures: FailureSet, seed: int) -> TrialRecord:
         """Return what comes of ``failures``, all in one period.
 
-        Parameters
-        ----------
-        failures : FailureSet
-        seed : int
-            Decides when in the reference they happen, and on the noise from then on.
+        ``seed`` decides when in the reference they happen, and on the noise from then on.
         """
         settings, loop = self.settings, self._loop.forked(seed)
         loop.run(float(np.random.default_rng(seed).uniform(0.0, settings.latest)))
-        pairs = [(failure.mode.value, failure.name) for failure in failures.failures]
-        for words in failure_words(pairs):
-            loop.inject(words)
+        for failure in failures.failures:
+            loop.inject(f'{failure.mode.value} {failure.name}')
         first = loop.run(loop.settings.period)
         tolerable = is_tolerable(self.mechanism, failures)
         if first.states[0] is State.STOPPED:

@@ -1,23 +1,23 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Everything worth publishing about the mechanism's health, as plain values."""
+"""Metrics: everything worth publishing about the mechanism's health, as plain values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import isnan
 
-from fault_tolerance.control.assessment import Assessment
+import numpy as np
+
+from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.control.notices import clean
 from fault_tolerance.control.output import Output
-from fault_tolerance.control.recovery import State
-from fault_tolerance.control.reports import ERROR, OK, STALE, WARN
+from fault_tolerance.control.plausibility import Plausibility
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.kinematics.failures import FailureMode
-from fault_tolerance.kinematics.measures import NextFailure
+from fault_tolerance.kinematics.measures import measure_bounds, motion_quality, worst_failure
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.description import Mechanism
 
 
 @dataclass(frozen=True)
@@ -43,166 +43,143 @@ class StrutMetrics:
 
 @dataclass(frozen=True)
 class Metrics:
-    """The health of the mechanism, in plain, finite numbers.
-
-    Attributes
-    ----------
-    state : str
-    message : str
-        A sentence for a person.
-    level : int
-        Diagnostic level: OK nominal, WARN tolerated, ERROR not tolerated, STALE an input is lost.
-    failures : tuple of str
-        As ``position:theta_4``.
-    mobility : int
-        Degrees of freedom the drives control; 0 where nothing is known yet, as all that follows.
-    lost, gained : tuple of str
-        Task coordinates.
-    retained_manipulability, position_measure, torque_measure, hard_measure : float
-        Of the failures present.
-    smallest_singular_value, condition_number : float
-        Of J_m as it is now.
-    saturation : tuple of str
-        Actuators at a limit.
-    scale, secondary_scale : float
-        The factor that limits or a near singularity put on everything, and before that on the
-        secondary motion.
-    major_jump, rate_jump : float
-        By how much the velocity of the major task and the rates of the drives jumped at the last
-        failure, clearing or resumption, m/s.
-    out_of_range, inconsistent : tuple of str
-        Actuators whose readings lie beyond their strokes, or contradict reports and commands.
-    flexure_strain : float
-        Metres.
-    misfit : float
-        By how much the redundant joint readings contradict each other at most, metres.
-    recovery_time : float
-        Seconds.
-    worst_next : str
-        The next single failure that hurts most, as ``torque:theta_1``; empty if none is left.
-    worst_next_measure : float
-    position_tolerance, torque_tolerance, hard_tolerance : float
-        The worst measure of a next single failure, by mode; 0 if none is left.
-    actuators : tuple of ActuatorMetrics
-    struts : tuple of StrutMetrics
-    """
+    """The health of the mechanism, in plain, finite numbers."""
 
     state: str
     message: str
+    """A sentence for a person."""
     level: int
+    """Diagnostic level: OK nominal, WARN tolerated, ERROR not tolerated, STALE an input is
+    lost."""
     failures: tuple[str, ...]
+    """As ``position:theta_4``."""
     mobility: int = 0
+    """Degrees of freedom the drives control; 0 where nothing is known yet, as all that follows."""
     lost: tuple[str, ...] = ()
     gained: tuple[str, ...] = ()
+    """Task coordinates."""
     retained_manipulability: float = 0.0
     position_measure: float = 0.0
     torque_measure: float = 0.0
     hard_measure: float = 0.0
+    """Of the failures present."""
     smallest_singular_value: float = 0.0
     condition_number: float = 0.0
+    """Of J_m as it is now."""
     saturation: tuple[str, ...] = ()
+    """Actuators at a limit."""
     scale: float = 0.0
     secondary_scale: float = 0.0
+    """The factor that limits or a near singularity put on everything, and before that on the
+    secondary motion."""
     major_jump: float = 0.0
     rate_jump: float = 0.0
+    """By how much the velocity of the major task and the rates of the drives jumped at the last
+    failure, clearing or resumption, m/s."""
     out_of_range: tuple[str, ...] = ()
     inconsistent: tuple[str, ...] = ()
+    """Actuators whose readings lie beyond their strokes, or contradict reports and commands."""
     flexure_strain: float = 0.0
+    """Metres."""
     misfit: float = 0.0
+    """By how much the redundant joint readings contradict each other at most, metres."""
     recovery_time: float = 0.0
+    """Seconds."""
     worst_next: str = ''
+    """The next single failure that hurts most, as ``torque:theta_1``; empty if none is left."""
     worst_next_measure: float = 0.0
     position_tolerance: float = 0.0
     torque_tolerance: float = 0.0
     hard_tolerance: float = 0.0
+    """The worst measure of a next single failure, by mode; 0 if none is left."""
     actuators: tuple[ActuatorMetrics, ...] = ()
     struts: tuple[StrutMetrics, ...] = ()
 
 
-def metrics_of(mechanism: Mechanism, output: Output, assessment: Assessment | None) -> Metrics:
-    """Return the metrics that go with ``output``.
+def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
+    """Return the metrics that go with ``output``, and with what ``plausibility`` has found.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    output : Output
-    assessment : Assessment or None
-        The one the output follows from; None before there is one.
+    State and message only, before anything is known or where the measures fail.
     """
-    state = output.state.value
-    message = f'{state}: {output.reason}'
+    state, estimate = output.state.value, output.estimate
+    message, level = f'{state}: {output.reason}', _level(output)
     failures = tuple(str(failure) for failure in output.failures.failures)
-    if output.post is None or assessment is None:
-        return Metrics(state, message, _level(output), failures)
+    if not estimate.located:
+        return Metrics(state, message, level, failures)
     try:
-        present, following = assessment.measures, assessment.following
+        verdict, values = estimate.post.verdict, estimate.measures()
+        retained, smallest, condition = motion_quality(estimate.post)
     except Exception as error:  # the state must be told even if the measures fail
         message = f'{message}; no measures: {clean(f"{type(error).__name__}: {error}")}'
-        return Metrics(state, message, _level(output), failures)
+        return Metrics(state, message, level, failures)
+    mechanism, command = estimate.model.mechanism, output.command
+    count = len(mechanism.actuators)
+    position, torque, hard = np.split(values[3:], [count, 2 * count])
+    worst, worst_measure = worst_failure(mechanism, position, torque, hard)
     return Metrics(
         state=state,
         message=message,
-        level=_level(output),
+        level=level,
         failures=failures,
-        mobility=output.post.verdict.mobility,
-        lost=output.post.verdict.lost,
-        gained=output.post.verdict.gained,
-        retained_manipulability=present.retained_manipulability,
-        position_measure=present.position,
-        torque_measure=present.torque,
-        hard_measure=present.hard,
-        smallest_singular_value=present.smallest_singular_value,
-        condition_number=present.condition_number,
+        mobility=verdict.mobility,
+        lost=verdict.lost,
+        gained=verdict.gained,
+        retained_manipulability=retained,
+        position_measure=float(values[0]),
+        torque_measure=float(values[1]),
+        hard_measure=float(values[2]),
+        smallest_singular_value=smallest,
+        condition_number=condition,
         saturation=output.saturation,
-        scale=output.scale,
-        secondary_scale=output.secondary_scale,
-        major_jump=output.jump.major,
-        rate_jump=output.jump.rates,
-        out_of_range=output.out_of_range,
-        inconsistent=output.inconsistent,
-        flexure_strain=output.configuration.flexure_strain if output.configuration else 0.0,
-        misfit=output.configuration.largest_misfit if output.configuration else 0.0,
+        scale=command.scale,
+        secondary_scale=command.secondary_scale,
+        major_jump=command.major_jump,
+        rate_jump=command.rate_jump,
+        out_of_range=plausibility.out_of_range,
+        inconsistent=plausibility.inconsistent,
+        flexure_strain=estimate.flexure_strain,
+        misfit=estimate.misfit,
         recovery_time=output.recovery_time,
-        worst_next=str(following.worst) if following.worst else '',
-        worst_next_measure=following.worst_measure,
-        position_tolerance=_least(following.position),
-        torque_tolerance=_least(following.torque),
-        hard_tolerance=_least(following.hard),
-        actuators=_actuators(mechanism, output, following),
-        struts=_struts(mechanism, output, following),
+        worst_next=str(worst or ''),
+        worst_next_measure=worst_measure,
+        position_tolerance=_least(position),
+        torque_tolerance=_least(torque),
+        hard_tolerance=_least(hard),
+        actuators=_actuators(output, position, torque),
+        struts=_struts(output, hard),
     )
 
 
 def _actuators(
-    mechanism: Mechanism, output: Output, following: NextFailure
+    output: Output, position: FloatArray, torque: FloatArray
 ) -> tuple[ActuatorMetrics, ...]:
+    estimate, failures = output.estimate, output.failures
+    mechanism, driving = estimate.model.mechanism, int(np.isfinite(torque).sum())
+    position_bound, torque_bound = measure_bounds(
+        driving, estimate.mobility, len(mechanism.task.major)
+    )
     return tuple(
         ActuatorMetrics(
             name,
-            output.failures.mode_of(mechanism, name).value,
+            failures.mode_of(mechanism, name).value,
             _known(p),
             _known(t),
-            _share(p, following.position_bound),
-            _share(t, following.torque_bound),
+            _share(p, position_bound),
+            _share(t, torque_bound),
         )
         for name, p, t in zip(
-            mechanism.actuator_names,
-            following.position.tolist(),
-            following.torque.tolist(),
-            strict=True,
+            mechanism.actuator_names, position.tolist(), torque.tolist(), strict=True
         )
     )
 
 
-def _struts(
-    mechanism: Mechanism, output: Output, following: NextFailure
-) -> tuple[StrutMetrics, ...]:
-    lost = output.failures.lost
+def _struts(output: Output, hard: FloatArray) -> tuple[StrutMetrics, ...]:
+    lost, names = output.failures.lost, output.estimate.model.mechanism.strut_names
     return tuple(
         StrutMetrics(
             name, (FailureMode.HARD if name in lost else FailureMode.NONE).value, _known(h)
         )
-        for name, h in zip(mechanism.strut_names, following.hard.tolist(), strict=True)
+        for name, h in zip(names, hard.tolist(), strict=True)
     )
 
 
@@ -211,7 +188,7 @@ def _level(output: Output) -> int:
         return ERROR
     if output.input_lost:
         return STALE
-    if output.failures or output.state is State.HOLD or output.notices:
+    if output.failures or output.state is State.HOLD or output.warnings:
         return WARN
     return OK
 
@@ -225,5 +202,4 @@ def _share(value: float, bound: float) -> float | None:
 
 
 def _least(values: FloatArray) -> float:
-    known: Iterable[float] = (value for value in values.tolist() if not isnan(value))
-    return min(known, default=0.0)
+    return min((value for value in values.tolist() if not isnan(value)), default=0.0)

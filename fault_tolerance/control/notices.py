@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the controller has to say about an input, as data: the core neither logs nor counts."""
+"""Remarks of the controller about its inputs, as data: the core neither logs nor counts."""
 
 from __future__ import annotations
 
@@ -13,25 +13,18 @@ LONGEST_TEXT = 200
 
 @dataclass(frozen=True)
 class Notice:
-    """A remark about one input.
-
-    Attributes
-    ----------
-    reason : str
-        A short key such as ``'not_finite'``; a shell counts by it and throttles its log by it.
-    text : str
-        One line for a person; empty where there is nothing worth a line.
-    rejected : bool
-        Whether the input was left aside (else it was used, and this is a warning).
-    """
+    """A remark about one input."""
 
     reason: str
+    """A short key such as ``'not_finite'``; a shell counts by it and throttles its log by it."""
     text: str
+    """One line for a person; empty where there is nothing worth a line."""
     rejected: bool = True
+    """Whether the input was left aside (else it was used, and this is a warning)."""
 
 
 def clean(text: str, limit: int = LONGEST_TEXT) -> str:
-    """Return foreign text fit for one log line: printable, no line breaks, bounded."""
+    """Return foreign ``text`` fit for one log line: printable, at most ``limit`` characters."""
     if len(text) <= limit and text.isprintable():
         return text
     head = ''.join(letter if letter.isprintable() else '?' for letter in text[:limit])

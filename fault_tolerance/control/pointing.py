@@ -15,36 +15,22 @@ from fault_tolerance.mechanism.screws import rotation_vector
 
 @dataclass(frozen=True)
 class PointingLoop:
-    """Feedforward of the reference's rate, and feedback of the pointing error.
-
-    Attributes
-    ----------
-    gain : float
-        1/s, of the pointing error.
-    piston_gain : float
-        1/s, with which everything else is drawn back to where it is at home: the platform's
-        origin, and the turn about z. Of a mirror only the piston is part of the task, and a
-        secondary one: after a failure that couples it the controller gives it up first.
-    """
+    """Feedforward of the reference's rate, and feedback of the pointing error."""
 
     gain: float = 5.0
+    """1/s, of the pointing error."""
     piston_gain: float = 5.0
+    """1/s, with which everything else is drawn back to where it is at home: the platform's origin,
+    and the turn about z. Of a mirror only the piston is part of the task, and a secondary one:
+    after a failure that couples it the controller gives it up first."""
 
     def velocity(
         self, pose: FloatArray, home: FloatArray, angle: FloatArray, rate: FloatArray
     ) -> FloatArray:
         """Return the platform twist (6,) to ask for, base axes.
 
-        Parameters
-        ----------
-        pose : (4, 4) array
-            The platform in the base.
-        home : (3,) array
-            Its origin at home, metres.
-        angle : (2,) array
-            Where the reference is now, rotation vector about x and y, radians.
-        rate : (2,) array
-            What is fed forward, rad/s.
+        The platform is at ``pose`` (4, 4), its origin at home at ``home`` (3,), metres; the
+        reference is at ``angle`` (2,) about x and y, radians, and ``rate`` (2,) is fed forward.
         """
         error = platform_error(pose, home, angle)
         twist = self.piston_gain * error
@@ -58,10 +44,10 @@ def pointing_error(pose: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def platform_error(pose: FloatArray, home: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return by how much the platform is not where it should be (6,), base axes.
+    """Return by how much the platform at ``pose`` is not where it should be (6,), base axes.
 
-    A rotation vector, radians: the reference ``angle`` (2,) about x and y, and zero about z, less
-    that of ``pose``. Then the platform's origin at ``home`` (3,) less that of ``pose``, metres.
+    First a rotation vector, radians, which should be ``angle`` (2,) about x and y, and zero about
+    z; then the platform's origin, metres, which should be at ``home`` (3,).
     """
     error = np.empty(6)
     error[:3] = -rotation_vector(pose[:3, :3])

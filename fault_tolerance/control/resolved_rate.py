@@ -1,340 +1,257 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Resolved rates with task priority: which actuator rates give a task velocity.
-
-The major part of the task is met exactly where that is possible (the shortest solution, by least
-squares in the metric of twists where it is not). The secondary part is met as well as the null
-space of the major part allows:
-
-    q' = J_m^+ v_m + N (J_s N)^+ (v_s - J_s J_m^+ v_m),    N = null(J_m)
-
-Singular values are taken with rotations times the characteristic length, of the platform and of
-rotary drives alike. So they are transmissions: metres per second of the platform per metre per
-second of the drives. Major directions with a very small one are left out, never inverted, and
-secondary ones well before: the rates stay bounded, and the residual shows what is missing.
-"""
+"""Resolved rates: which actuator rates give a task velocity, by the law in `kernel.law`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from math import isfinite
+from dataclasses import dataclass
+from math import inf, isfinite
 
 import numpy as np
 
-from fault_tolerance.compiled.activation import Active, Kernels
+from fault_tolerance.control.estimate import ControlModel, Estimate
+from fault_tolerance.control.estimate import estimate as estimated
+from fault_tolerance.kernel import model as at
+from fault_tolerance.kernel.law import asked_velocity, prioritised
+from fault_tolerance.kernel.model import Law, TaskRows, command_of, command_size
+from fault_tolerance.kernel.motions import Kinematics
 from fault_tolerance.kinematics.differential import DifferentialKinematics
-from fault_tolerance.kinematics.measures import CONDITION_CAP
-from fault_tolerance.kinematics.subspaces import rank_of
+from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
-from fault_tolerance.mechanism.linear_algebra import decomposed, length
-from fault_tolerance.mechanism.task import COORDINATES, Task
+from fault_tolerance.mechanism.task import COORDINATES
+from fault_tolerance.tolerances import OBSTACLE_BAND
 
-SINGULAR_BELOW = 5e-4
-"""Directions with a smaller transmission are not driven: nothing so small is ever inverted."""
+_OBSTACLES = {
+    at.HARDLY_MOVES: 'of the major task',
+    at.HARDLY_HELD: 'where the drives hardly hold it',
+}
 
-POOR_BELOW = 0.05
-"""Secondary directions with a smaller transmission, relative to the best major one, are left
-alone; up to twice that they fade in. To reach for them would take drive speeds, and motions of
-the platform outside its task, out of proportion, which disturb the major task."""
 
-LARGEST_SPEED = 1e100
-"""Task velocities with a larger component are brought down to it, all components by one factor."""
+@dataclass(frozen=True, eq=False)
+class RateCommand:
+    """One command, with its certificate; and what the next one needs to know of it.
+
+    Attributes
+    ----------
+    rates : (N,) array
+        Of all actuators in the mechanism's order, rad/s and m/s; free ones as they follow.
+    twist : (6,) array
+        What they give the platform: ``[w; v]``, base axes, v at the platform's origin.
+    failures : FailureSet
+        Those it was made with.
+    numbers : array
+        The kernel's result, see `fault_tolerance.kernel.model.CommandArrays`.
+    obstacle : str
+        Why the mechanism is too near a singularity to move; empty if it is not.
+    """
+
+    rates: FloatArray
+    twist: FloatArray
+    failures: FailureSet
+    numbers: FloatArray
+    obstacle: str = ''
+
+    def __repr__(self) -> str:
+        """Return the rates."""
+        return f'<RateCommand {np.array2string(self.rates, precision=3)}>'
+
+    @property
+    def moves(self) -> bool:
+        """Whether the mechanism was allowed to move."""
+        return bool(self.numbers[at.MOVED])
+
+    @property
+    def scale(self) -> float:
+        """The factor by which limits or a near singularity slow everything down."""
+        return float(self.numbers[at.SCALE])
+
+    @property
+    def secondary_scale(self) -> float:
+        """The factor by which the secondary motion had to give way before."""
+        return float(self.numbers[at.SECONDARY_SCALE])
+
+    @property
+    def slowed(self) -> bool:
+        """Whether a near singularity slows it down."""
+        return bool(self.numbers[at.SLOWED])
+
+    @property
+    def major_jump(self) -> float:
+        """By how much the major task's velocity jumped at the last transition, m/s."""
+        return float(self.numbers[at.MAJOR_JUMP])
+
+    @property
+    def rate_jump(self) -> float:
+        """By how much the actuators' rates jumped at the last transition (norm), m/s."""
+        return float(self.numbers[at.RATE_JUMP])
+
+    def saturated(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Return those of the N actuators ``names`` that would have crossed a bound."""
+        flags = command_of(self.numbers).saturated.tolist()
+        return tuple(name for name, over in zip(names, flags, strict=True) if over)
+
+
+def no_command(model: ControlModel) -> RateCommand:
+    """Return what stands for the last command of ``model`` before there was any."""
+    numbers = np.zeros(command_size(len(model.mechanism.actuators)))
+    numbers[at.TIME] = -inf
+    parts = command_of(frozen(numbers))
+    return RateCommand(parts.rates, parts.twist, FailureSet(), numbers)
+
+
+def rate_command(
+    model: ControlModel,
+    estimate: Estimate,
+    velocity: FloatArray,
+    before: RateCommand,
+    now: float,
+) -> RateCommand:
+    """Return the rates that serve a task velocity within all limits.
+
+    Parameters
+    ----------
+    model : ControlModel
+    estimate : Estimate
+    velocity : (l,) array
+        Task velocity in the task's order, rad/s and m/s.
+    before : RateCommand
+        The last command, from which a transition starts.
+    now : float
+        Seconds.
+
+    Returns
+    -------
+    RateCommand
+
+    Raises
+    ------
+    ArithmeticError
+        If a rate is not finite.
+    """
+    packed, numbers = model.packed, np.empty(len(before.numbers))
+    last, present, used = before.failures, estimate.failures, estimate
+    if not model.settings.recovery:  # for comparison: as if nothing had failed
+        used = estimated(model, estimate, estimate.readings, FailureSet())
+    changed = (last.stuck, last.free, last.lost) != (present.stuck, present.free, present.lost)
+    model.kernel.command(
+        packed.counts, packed.numbers, used.numbers, used.readings, velocity,
+        before.numbers, now, changed, numbers,
+    )
+    numbers.setflags(write=False)
+    count = at.COMMAND_FACTS + len(estimate.readings)
+    rates, twist = numbers[at.COMMAND_FACTS : count], numbers[count : count + 6]
+    if not (isfinite(rates.dot(rates)) and isfinite(twist.dot(twist))):
+        raise ArithmeticError('the command is not finite')
+    obstacle = ''
+    if numbers[at.OBSTACLE]:
+        kind = _OBSTACLES[int(numbers[at.OBSTACLE])]
+        band = OBSTACLE_BAND if before.numbers[at.OBSTACLE] else 1.0
+        limit = band * model.settings.hold_below
+        obstacle = f'near a singularity {kind} (margin below {limit:.2g})'
+    return RateCommand(rates, twist, present, numbers, obstacle)
+
+
+def resting(command: RateCommand, failures: FailureSet, now: float) -> RateCommand:
+    """Return a command of zeros ``now`` in place of ``command``, with the present ``failures``."""
+    numbers = command.numbers.copy()
+    numbers[at.COMMAND_FACTS :] = 0.0
+    numbers[[at.SCALE, at.SECONDARY_SCALE, at.SLOWED, at.MOVED]] = 0.0
+    numbers[at.TIME] = now
+    parts = command_of(frozen(numbers))
+    return RateCommand(parts.rates, parts.twist, failures, numbers)
 
 
 @dataclass(frozen=True, eq=False)
 class ResolvedRate:
-    """Actuator rates for a task velocity, with their certificate.
+    """Actuator rates for a task velocity, without limits.
 
     Attributes
     ----------
-    kinematics : DifferentialKinematics
-        What the rates were resolved with.
     velocity : (l,) array
         What was asked for, in the task's order, rad/s and m/s.
-    major, secondary : (n,) array
-        The parts of the reduced rates that serve the major and the secondary task.
+    rates : (N,) array
+        Of all actuators, free ones as they follow.
+    achieved, residual : (l,) arrays
+        The task velocity they give, and what is missing of the one asked for.
+    twist : (d,) array
+        The platform's twist they give.
     rank : int
-        Directions of the major task that can be followed.
+        Directions of the major task that are driven.
     transmission : float
-        The smallest transmission of a major direction, 0 where one is lost. Its way to zero is
-        the way to a singularity.
+        The smallest transmission of a major direction, 0 where one is lost.
     """
 
-    kinematics: DifferentialKinematics
     velocity: FloatArray
-    major: FloatArray
-    secondary: FloatArray
+    rates: FloatArray
+    achieved: FloatArray
+    residual: FloatArray
+    twist: FloatArray
     rank: int
     transmission: float
 
-    @cached_property
-    def reduced(self) -> FloatArray:
-        """Reduced actuator rates, (n,)."""
-        return frozen(self.major + self.secondary)
-
-    @cached_property
-    def rates(self) -> FloatArray:
-        """Rates of all actuators in the mechanism's order, (N,); free ones as they follow."""
-        return frozen(self.kinematics.rate_map.dot(self.reduced))
-
-    @cached_property
-    def achieved(self) -> FloatArray:
-        """The task velocity that the rates give, (l,)."""
-        return frozen(self.kinematics.jacobian.dot(self.reduced))
-
-    @cached_property
-    def residual(self) -> FloatArray:
-        """What was asked for less what is achieved, (l,)."""
-        return frozen(self.velocity - self.achieved)
-
-    @cached_property
-    def twist(self) -> FloatArray:
-        """The platform twist that the rates give, (6,): base axes, v of the platform's origin.
-
-        For a mechanism given by numbers, zero outside the task.
-        """
-        return frozen(twist_map(self.kinematics).dot(self.reduced))
-
-    @property
-    def smallest_singular_value(self) -> float:
-        """The m-th singular value of J_m in its own units, 0 where there are fewer."""
-        return _smallest(self._singular_values, len(self.kinematics.major))
-
-    @property
-    def condition_number(self) -> float:
-        """The condition number of J_m in its own units, at most 1e12."""
-        smallest = self.smallest_singular_value
-        largest = float(self._singular_values.max(initial=0.0))
-        return largest / smallest if smallest > largest / CONDITION_CAP else CONDITION_CAP
-
-    def scaled(self, scale: float, secondary_scale: float = 1.0) -> ResolvedRate:
-        """Return it with the secondary part, and then everything, multiplied by a factor."""
-        major = frozen(scale * self.major)
-        secondary = frozen((scale * secondary_scale) * self.secondary)
-        return replace(self, major=major, secondary=secondary)
-
-    @cached_property
-    def _singular_values(self) -> FloatArray:
-        return np.asarray(np.linalg.svd(self.kinematics.major, compute_uv=False))
-
-
-@dataclass(frozen=True, eq=False)
-class TaskInverse:
-    """What resolves task velocities at one configuration: linear, so worked out once.
-
-    Attributes
-    ----------
-    kinematics : DifferentialKinematics
-    major, secondary : (n, l) array
-        Reduced rates per task velocity, the parts that serve the major and the secondary task.
-    rank, transmission
-        See `ResolvedRate`.
-    """
-
-    kinematics: DifferentialKinematics
-    major: FloatArray
-    secondary: FloatArray
-    rank: int
-    transmission: float
-
-    def resolved(self, velocity: FloatArray) -> ResolvedRate:
-        """Return the actuator rates for a task velocity (l,) in the task's order.
-
-        Raises
-        ------
-        ArrayError
-            If the velocity has the wrong length or is not finite.
-        """
-        count = len(self.kinematics.task.coordinates)
-        asked = velocity
-        if velocity.shape != (count,) or velocity.flags.writeable:
-            asked = frozen_array(velocity, (count,), 'task velocity')
-        values = asked.tolist()
-        if not isfinite(sum(values)):
-            # It may only be that large numbers add up to too much.
-            asked = frozen_array(velocity, (count,), 'task velocity')
-        size = max(map(abs, values))
-        # A huge velocity must overflow nowhere on the way.
-        bounded = asked if size <= LARGEST_SPEED else LARGEST_SPEED * (asked / size)
-        return ResolvedRate(
-            kinematics=self.kinematics,
-            velocity=asked,
-            major=frozen(self.major.dot(bounded)),
-            secondary=frozen(self.secondary.dot(bounded)),
-            rank=self.rank,
-            transmission=self.transmission,
-        )
-
-
-class RateResolver:
-    """Makes `TaskInverse` of kinematics (docs/theory.md, eq. 22).
-
-    Parameters
-    ----------
-    task : Task
-    twist_scale : (l,) array, optional
-        Turns task velocities into metres per second; ones by default.
-    rate_scale : (N,) array, optional
-        Turns actuator rates into metres per second; ones by default.
-    singular_below : float
-        See `SINGULAR_BELOW`.
-    poor_below : float
-        See `POOR_BELOW`.
-    """
-
-    def __init__(
-        self,
-        task: Task,
-        *,
-        twist_scale: FloatArray | None = None,
-        rate_scale: FloatArray | None = None,
-        singular_below: float = SINGULAR_BELOW,
-        poor_below: float = POOR_BELOW,
-    ) -> None:
-        weights = np.ones(len(task.coordinates)) if twist_scale is None else twist_scale
-        weighted = np.diag(weights)
-        self._places = task.major_rows, task.secondary_rows
-        self._all_weights = weights
-        self._weights = weights[task.major_rows]
-        # What takes the major, and the secondary, part of a task velocity, in metres per second.
-        self._major, self._secondary = weighted[task.major_rows], weighted[task.secondary_rows]
-        self._rate_scale = rate_scale
-        self._unit = common(rate_scale)
-        self._singular_below = singular_below
-        self._poor_below = poor_below
-
-    @property
-    def constants(self) -> tuple[FloatArray, float | None, float, float]:
-        """What turns task velocities (l,) and drives' rates into metres per second; limits."""
-        return self._all_weights, self._unit, self._singular_below, self._poor_below
-
-    def inverse(self, kinematics: DifferentialKinematics) -> TaskInverse:
-        """Return what resolves task velocities with ``kinematics``, failures included."""
-        unit, coordinates = self._unit, None
-        if Active.kernels is not None and unit is not None:
-            return self._compiled(Active.kernels, kinematics, unit)
-        jacobian = kinematics.jacobian
-        if unit is None:
-            coordinates = drive_coordinates(kinematics, self._rate_scale)
-            jacobian = jacobian.dot(coordinates)
-            left, sigma, right = decomposed(self._major.dot(jacobian))
-        else:
-            # Coordinates differ from the reduced rates by a factor only.
-            left, sigma, right = kinematics.decomposed_major(self._weights)
-            if unit != 1.0:
-                sigma, jacobian = sigma / unit, jacobian / unit
-        values: list[float] = sigma.tolist()
-        best = values[0] if values else 0.0
-        driven = sum(value > self._singular_below for value in values)
-        # Per task velocity, in the coordinates of the drives.
-        major = (right[:driven].T / sigma[:driven]).dot(left[:, :driven].T).dot(self._major)
-        rank = rank_of(sigma, max(1.0, best))
-        if rank < len(right) and len(self._secondary):
-            free = right[rank:].T
-            rows = self._secondary.dot(jacobian)
-            least = max(self._singular_below, self._poor_below * best)
-            inverse = _bounded_inverse(rows.dot(free), least)
-            secondary = free.dot(inverse.dot(self._secondary - rows.dot(major)))
-        else:
-            secondary = np.zeros(major.shape)
-        if coordinates is not None:
-            major, secondary = coordinates.dot(major), coordinates.dot(secondary)
-        elif unit != 1.0:
-            major, secondary = major / unit, secondary / unit
-        smallest = values[-1] if len(values) == len(self._weights) else 0.0
-        return TaskInverse(kinematics, frozen(major), frozen(secondary), driven, smallest)
-
-
-    def _compiled(
-        self, kernels: Kernels, kinematics: DifferentialKinematics, unit: float
-    ) -> TaskInverse:
-        decomposition = kinematics.decomposed_major(self._weights)
-        major, secondary, driven = kernels.invert_task(
-            kinematics.jacobian, *decomposition, self._all_weights, *self._places, unit,
-            self._singular_below, self._poor_below,
-        )
-        sigma = decomposition[1]
-        smallest = float(sigma[-1]) / unit if len(sigma) == len(self._weights) else 0.0
-        return TaskInverse(kinematics, frozen(major), frozen(secondary), driven, smallest)
-
-
-def twist_map(kinematics: DifferentialKinematics) -> FloatArray:
-    """Return the platform's twist per reduced rates, (6, n).
-
-    For a mechanism given by numbers, zero outside the task: nothing else is known of it.
-    """
-    found = kinematics.twist_jacobian
-    if len(found) != len(COORDINATES):
-        found = np.zeros((len(COORDINATES), kinematics.mobility))
-        found[kinematics.task.rows] = kinematics.jacobian
-    return found
-
-
-def common(rate_scale: FloatArray | None) -> float | None:
-    """Return the one number that all of ``rate_scale`` is, or None if they differ."""
-    if rate_scale is None:
-        return 1.0
-    values = set(rate_scale.tolist())
-    return values.pop() if len(values) == 1 else None
-
-
-def _bounded_inverse(matrix: FloatArray, least: float) -> FloatArray:
-    """Return the pseudo-inverse (c, r) of ``matrix`` (r, c) without its small directions.
-
-    Those with gains up to ``least`` count for nothing, those from twice that on in full: between
-    the two nothing jumps.
-    """
-    if len(matrix) == 1:
-        size = length(matrix)
-        factor = min(size / least - 1.0, 1.0) / size**2 if size > least else 0.0
-        return matrix.T * factor
-    left, gains, mixed = decomposed(matrix)
-    kept = int((gains > least).sum())
-    inverse = np.minimum(gains[:kept] / least - 1.0, 1.0) / gains[:kept]
-    return np.asarray((mixed[:kept].T * inverse).dot(left[:, :kept].T))
+    def __repr__(self) -> str:
+        """Return the rates."""
+        return f'<ResolvedRate {np.array2string(self.rates, precision=3)}>'
 
 
 def resolved_rate(
     kinematics: DifferentialKinematics,
     velocity: FloatArray,
     *,
-    twist_scale: FloatArray | None = None,
+    characteristic_length: float = 1.0,
     rate_scale: FloatArray | None = None,
-    singular_below: float = SINGULAR_BELOW,
-    poor_below: float = POOR_BELOW,
 ) -> ResolvedRate:
-    """Return the actuator rates for one task velocity (l,): see `RateResolver`.
+    """Return the actuator rates for one task velocity by task priority (docs/theory.md, eq. 22).
+
+    Parameters
+    ----------
+    kinematics : DifferentialKinematics
+        At the present configuration, failures included.
+    velocity : (l,) array
+        In the task's order, rad/s and m/s, base axes.
+    characteristic_length : float
+        Metres; makes rotations and translations comparable.
+    rate_scale : (N,) array, optional
+        Metres per unit of each actuator; ones by default.
+
+    Returns
+    -------
+    ResolvedRate
 
     Raises
     ------
     ArrayError
-        If the velocity has the wrong length or is not finite.
+        If an array has the wrong shape or is not finite.
     """
-    resolver = RateResolver(
-        kinematics.task,
-        twist_scale=twist_scale,
-        rate_scale=rate_scale,
-        singular_below=singular_below,
-        poor_below=poor_below,
+    task, mapping = kinematics.task, kinematics.mapping
+    asked = frozen_array(velocity, (len(task.coordinates),), 'task velocity')
+    scale = np.repeat([characteristic_length, 1.0], 3)
+    drives = np.ones(len(mapping)) if rate_scale is None else rate_scale
+    drives = frozen_array(drives, (len(mapping),), 'rate_scale')
+    # Coordinates in which lengths are the drives' speed.
+    _, triangle = np.linalg.qr(drives[:, None] * mapping)
+    per_speed = np.linalg.inv(triangle)
+    twist = np.zeros((len(COORDINATES), kinematics.mobility))
+    twist[task.rows] = kinematics.jacobian
+    if len(kinematics.twist_jacobian) == len(COORDINATES):
+        twist = kinematics.twist_jacobian
+    rows = TaskRows(
+        task.rows, task.major_rows, task.secondary_rows, scale, np.ones(len(task.rows))
     )
-    return resolver.inverse(kinematics).resolved(velocity)
-
-
-def drive_coordinates(
-    kinematics: DifferentialKinematics, rate_scale: FloatArray | None
-) -> FloatArray:
-    """Return reduced rates (n, n) per coordinates in which lengths are the drives' speed."""
-    if rate_scale is None:
-        return np.eye(kinematics.mobility)
-    if (rate_scale == rate_scale[0]).all():
-        return np.eye(kinematics.mobility) / float(rate_scale[0])
-    # The columns of T are orthonormal in mixed units, if drives of both kinds are among them.
-    triangle = np.linalg.qr(rate_scale[:, None] * kinematics.mapping, mode='r')
-    return np.asarray(np.linalg.inv(triangle))
-
-
-def _smallest(sigma: FloatArray, count: int) -> float:
-    """Return the last of ``count`` singular values, 0 where there are fewer."""
-    return float(sigma[-1]) if len(sigma) == count else 0.0
+    follow = drives[:, None] * (kinematics.rate_map @ per_speed)
+    driven = drives[:, None] * (mapping @ per_speed)
+    scaled = Kinematics(scale[:, None] * (twist @ per_speed), driven, follow, 0)
+    found = prioritised(rows, Law(), scaled, asked_velocity(rows, asked))
+    reduced = per_speed @ (found.first + found.second)
+    achieved = kinematics.jacobian @ reduced
+    complete = len(found.sigma) == len(task.major)
+    return ResolvedRate(
+        asked,
+        frozen(kinematics.rate_map @ reduced),
+        frozen(achieved),
+        frozen(asked - achieved),
+        frozen(twist @ reduced),
+        int(found.driven),
+        float(found.sigma[-1]) if complete else 0.0,
+    )

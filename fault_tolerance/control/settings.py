@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the controller."""
+"""Settings of the controller. Those of limits go to kernel/law.py, which keeps the limits."""
 
 from __future__ import annotations
 
@@ -37,8 +37,6 @@ class Settings:
         What an unknown failure mode at level ERROR leads to.
     recovery : bool
         False: go on commanding as if nothing had failed (for comparison; it still stops).
-    anticipate : bool
-        Whether `Supervisor.anticipate` works out in advance what each next failure comes to.
     stroke_gain : float
         1/s: how fast actuators may approach the ends of their strokes, per distance left.
     slow_below, hold_below : float
@@ -64,7 +62,6 @@ class Settings:
     auto_clear: bool = False
     unknown_mode: UnknownMode = 'stop'
     recovery: bool = True
-    anticipate: bool = True
     stroke_gain: float = 10.0
     slow_below: float = 5e-3
     hold_below: float = 5e-4

@@ -17,9 +17,11 @@ from math import prod
 from fault_tolerance.errors import FailureError
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet, failure_set
 from fault_tolerance.kinematics.measures import present_measures
-from fault_tolerance.kinematics.reconfiguration import Verdict, reconfigured
+from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
+from fault_tolerance.kinematics.verdict import Verdict
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.tolerances import EQUAL_MEASURES
 
 MOST_COMBINATIONS = 10_000
 """Combinations of actions judged at most; more would take longer than anybody waits."""
@@ -27,74 +29,32 @@ MOST_COMBINATIONS = 10_000
 
 @dataclass(frozen=True)
 class Conversion:
-    """A set of failures that can be had by braking and releasing, and what it keeps.
-
-    Attributes
-    ----------
-    actions : tuple of (Failure, Failure)
-        What is converted into what; empty for leaving everything as it is.
-    failures : FailureSet
-        The failures afterwards.
-    verdict : Verdict
-    kept : float
-        p t h of all failures then present, 0 if they are not tolerable.
-    """
+    """A set of failures that can be had by braking and releasing, and what it keeps."""
 
     actions: tuple[tuple[Failure, Failure], ...]
+    """What is converted into what; empty for leaving everything as it is."""
     failures: FailureSet
+    """The failures afterwards."""
     verdict: Verdict
     kept: float
+    """p t h of all failures then present, 0 if they are not tolerable."""
+
+    def __repr__(self) -> str:
+        actions = ', '.join(f'{old} to {new}' for old, new in self.actions)
+        return f'Conversion({actions or "nothing"}, kept {self.kept:.4g})'
 
 
 @dataclass(frozen=True)
 class Conversions:
-    """What conversion can do: ``best`` against leaving everything ``as_it_is``.
-
-    Attributes
-    ----------
-    as_it_is, best : Conversion
-    options : tuple of Conversion
-        All that was considered, the best first.
-    """
+    """What conversion can do: ``best`` against leaving everything ``as_it_is``."""
 
     as_it_is: Conversion
     best: Conversion
     options: tuple[Conversion, ...]
+    """All that was considered, the best first."""
 
-
-def convert(
-    mechanism: Mechanism, failures: FailureSet, name: str, mode: FailureMode
-) -> FailureSet:
-    """Return ``failures`` with the one of ``name`` turned into ``mode``.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    failures : FailureSet
-    name : str
-        An actuator with a failure.
-    mode : FailureMode
-        `POSITION` (by a brake) or `HARD` (by releasing its strut).
-
-    Raises
-    ------
-    FailureError
-        If no brake or release makes that of its failure. Whether the part has one is not asked
-        here: the description of the mechanism says, and `best_conversion` keeps to it.
-    """
-    if name not in mechanism.actuator_names:
-        raise FailureError(name, 'not an actuator', mechanism.actuator_names)
-    present = failures.mode_of(mechanism, name)
-    if mode is FailureMode.POSITION and present is not FailureMode.TORQUE:
-        raise FailureError(name, 'a brake holds a free actuator, and this one is not')
-    if mode is FailureMode.HARD and present is FailureMode.NONE:
-        raise FailureError(name, 'has not failed')
-    if mode not in (FailureMode.POSITION, FailureMode.HARD):
-        raise FailureError(mode.value, 'no action makes a failure of this kind')
-    others = [
-        (failure.mode, failure.name) for failure in failures.failures if failure.name != name
-    ]
-    return failure_set(mechanism, [*others, (mode, name)])
+    def __repr__(self) -> str:
+        return f'Conversions(best {self.best}, {len(self.options)} options)'
 
 
 def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
@@ -103,12 +63,22 @@ def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
     Every combination of the actions at hand is judged: brakes on free actuators that have one,
     release of struts that can be released and have a failed actuator.
 
+    Parameters
+    ----------
+    rows : StrutRows
+    failures : FailureSet
+
+    Returns
+    -------
+    Conversions
+
     Raises
     ------
     FailureError
         If there are more than `MOST_COMBINATIONS`.
     """
     mechanism = rows.mechanism
+    failures = failures.of(mechanism)
     alternatives = [
         _alternatives(mechanism, failure)
         for failure in failures.failures
@@ -126,9 +96,10 @@ def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
         after = failure_set(mechanism, [(new.mode, new.name) for _, new in choice] + lost)
         if after not in options:
             options[after] = _judged(rows, after, actions)
+    # Rounding errors are no reason to act: among equals the fewest actions come first.
     ranked = sorted(
-        # Rounding error is no reason to act.
-        options.values(), key=lambda option: (-round(option.kept, 9), len(option.actions))
+        options.values(),
+        key=lambda option: (-round(option.kept, EQUAL_MEASURES), len(option.actions)),
     )
     return Conversions(as_it_is, ranked[0], tuple(ranked))
 
@@ -148,9 +119,9 @@ def _alternatives(mechanism: Mechanism, failure: Failure) -> list[tuple[Failure,
 def _judged(
     rows: StrutRows, failures: FailureSet, actions: tuple[tuple[Failure, Failure], ...]
 ) -> Conversion:
-    state = reconfigured(rows, failures)
+    post = reconfigured(rows, failures)
     kept = 0.0
-    if state.verdict.tolerable:
-        measures = present_measures(state)
+    if post.verdict.tolerable:
+        measures = present_measures(post)
         kept = measures.position * measures.torque * measures.hard
-    return Conversion(actions, failures, state.verdict, kept)
+    return Conversion(actions, failures, post.verdict, kept)

@@ -16,7 +16,7 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.kinematics.subspaces import null_space
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, frozen
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.configuration import Configuration
 from fault_tolerance.tolerances import RANK_TOLERANCE
@@ -24,34 +24,31 @@ from fault_tolerance.tolerances import RANK_TOLERANCE
 
 @dataclass(frozen=True, eq=False)
 class LoopJacobians:
-    """The task and the loops in terms of actuator and passive joint rates (theory, eq. 3-4).
-
-    Attributes
-    ----------
-    task_active : (6, N) array
-        J_Ta: platform twist through the first strut.
-    task_passive : (6, P) array
-        J_Tp.
-    loop_active : (c, N) array
-        J_Ca: 0 = J_Ca q'_a + J_Cp q'_p.
-    loop_passive : (c, P) array
-        J_Cp.
-    """
+    """The task and the loops in terms of actuator and passive joint rates (theory, eq. 3-4)."""
 
     task_active: FloatArray
+    """(6, N): J_Ta: platform twist through the first strut."""
     task_passive: FloatArray
+    """(6, P): J_Tp."""
     loop_active: FloatArray
+    """(c, N): J_Ca: 0 = J_Ca q'_a + J_Cp q'_p."""
     loop_passive: FloatArray
+    """(c, P): J_Cp."""
+
+    def __repr__(self) -> str:
+        loops, active = self.loop_active.shape
+        return f'LoopJacobians({loops} loop equations, {active} actuators)'
 
 
 def loop_jacobians(configuration: Configuration) -> LoopJacobians:
     """Return the loop-closure Jacobians at ``configuration``, all struts attached.
 
     Twists are scaled (rotations times the characteristic length), so that ranks can be judged.
+    MechanismError for a mechanism given by its Jacobian.
     """
     mechanism, state = configuration.mechanism, configuration.state
     if state is None:
-        reason = 'a mechanism given by numbers has no loops'
+        reason = 'a mechanism given by its Jacobian has no loops'
         raise MechanismError(mechanism.name, 'struts', reason)
     chains = chains_of(mechanism)
     columns = np.swapaxes(state.screws, 1, 2) * chains.scale[:, None]
@@ -66,10 +63,10 @@ def loop_jacobians(configuration: Configuration) -> LoopJacobians:
     # A serial arm is one strut without a loop, and may have no passive joint either.
     loops = 6 * (struts - 1)
     return LoopJacobians(
-        by_actuator[0],
-        by_passive[0],
-        (by_actuator[0] - by_actuator[1:]).reshape(loops, count),
-        (by_passive[0] - by_passive[1:]).reshape(loops, len(passive)),
+        frozen(by_actuator[0]),
+        frozen(by_passive[0]),
+        frozen((by_actuator[0] - by_actuator[1:]).reshape(loops, count)),
+        frozen((by_passive[0] - by_passive[1:]).reshape(loops, len(passive))),
     )
 
 

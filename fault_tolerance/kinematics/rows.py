@@ -3,9 +3,9 @@
 
 """The door between mechanism and kinematics: plain arrays with names.
 
-Every strut says ``L V = L S_a q'_a`` of the platform twist and its drives, and nothing more
-(docs/theory.md, section 2). A failure moves, adds or drops rows of this stack; no kinematics
-beyond it is ever needed.
+Every strut says ``0 = G V`` and ``q'_a = A V + N xi`` of the platform twist and its drives, and
+nothing more (docs/theory.md, section 2). A failure moves, adds or drops rows of this stack; no
+kinematics beyond it is ever needed.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.mechanism.arrays import FloatArray, IntArray, frozen
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.configuration import Configuration, home_configuration
-from fault_tolerance.mechanism.constraints import DriveRows, StrutConstraints
+from fault_tolerance.mechanism.constraints import StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.freedom import Attachment, Structure, motions, structure_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,30 +27,32 @@ class StrutRows:
     """What all struts say, at one configuration.
 
     The twist has d = 6 components, scaled (rotations times the characteristic length, so metres
-    per second throughout). For a mechanism given by numbers it is the task velocity, d = l,
+    per second throughout). For a mechanism given by its Jacobian it is the task velocity, d = l,
     scaled to the size of the actuator rates.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    constraints : StrutConstraints
-        The rows themselves.
-    twist_scale : (d,) array
-        The scaled twist is this times the twist.
-    rate_scale : (N,) array
-        Turns actuator rates into metres per second.
-    task_rows : (l,) int array
-        The components of the twist that are the task, in the task's order.
-    compliance : float
-        Structural constraints up to this singular value are absorbed.
     """
 
-    mechanism: Mechanism
+    configuration: Configuration
+    """Where they hold."""
     constraints: StrutConstraints
+    """The rows themselves; none for a mechanism given by its Jacobian."""
     twist_scale: FloatArray
+    """(d,): the scaled twist is this times the twist."""
     rate_scale: FloatArray
+    """(N,): turns actuator rates into metres per second."""
     task_rows: IntArray
+    """(l,): the components of the twist that are the task, in the task's order."""
     compliance: float
+    """Structural constraints up to this singular value are absorbed."""
+    given: tuple[FloatArray, FloatArray] | None = None
+    """Scaled twists (d, n) and actuator rates (N, n) of a mechanism given by its Jacobian."""
+
+    def __repr__(self) -> str:
+        return f'StrutRows({self.mechanism.name!r}, {len(self.structure)} structural rows)'
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """Whose rows they are."""
+        return self.configuration.mechanism
 
     @property
     def structure(self) -> FloatArray:
@@ -62,27 +65,26 @@ class StrutRows:
         return self.constraints.structure_strut
 
     @property
-    def actuator_rows(self) -> FloatArray | None:
-        """``q'_a = actuator_rows @ twist``, (N, d), where every strut determines its drives well.
+    def actuator_rows(self) -> FloatArray:
+        """``q'_a = actuator_rows @ twist``, (N, d), but for drives in series that move alone.
 
-        None elsewhere.
+        Zero for a mechanism given by its Jacobian.
         """
         return self.constraints.actuator_rows
 
-    @property
-    def drive(self) -> FloatArray:
-        """``drive @ twist = drive_rates @ q'_a``, (a, d), with the actuators' true rates."""
-        return self.constraints.drives.drive
+    def structure_of(self, attachment: Attachment) -> Structure:
+        """Return the structural rows of the struts that ``attachment`` leaves, decomposed."""
+        return structure_of(self.constraints, attachment, self.compliance)
 
-    @property
-    def drive_rates(self) -> FloatArray:
-        """See `drive`, (a, N)."""
-        return self.constraints.drives.rates
+    def motions(self, attachment: Attachment) -> tuple[FloatArray, FloatArray]:
+        """Return all motions that the struts of ``attachment`` allow (docs/theory.md, eq. 8).
 
-    @property
-    def drive_strut(self) -> IntArray:
-        """Index of the strut each drive row belongs to, (a,); -1 where there are no struts."""
-        return self.constraints.drives.struts
+        Scaled twists (d, c) and actuator rates (N, c), all in metres per second.
+        """
+        if self.given is not None:
+            return self.given
+        allowed = self.structure_of(attachment).allowed
+        return motions(self.constraints, attachment, allowed)
 
     def with_compliance(self, compliance: float) -> StrutRows:
         """Return the same rows, judged with another ``compliance``."""
@@ -96,9 +98,9 @@ class StrutRows:
         """
         return replace(
             self,
-            constraints=self.constraints.with_rates_times(self.rate_scale),
-            rate_scale=np.ones_like(self.rate_scale),
-            twist_scale=np.ones_like(self.twist_scale),
+            constraints=self.constraints.in_metres(),
+            rate_scale=frozen(np.ones_like(self.rate_scale)),
+            twist_scale=frozen(np.ones_like(self.twist_scale)),
         )
 
 
@@ -106,44 +108,37 @@ def strut_rows(configuration: Configuration) -> StrutRows:
     """Return the rows of all struts at ``configuration``, lost or not."""
     mechanism = configuration.mechanism
     if mechanism.working_point is not None:
-        return _rows_by_numbers(mechanism)
+        return _rows_by_jacobian(configuration)
     return StrutRows(
-        mechanism,
-        configuration.constraints,
-        chains_of(mechanism).scale,
-        mechanism.rate_scale,
-        mechanism.task.rows,
-        mechanism.compliance,
+        configuration, configuration.constraints, chains_of(mechanism).scale,
+        mechanism.rate_scale, mechanism.task.rows, mechanism.compliance,
     )
 
 
 def home_rows(mechanism: Mechanism) -> StrutRows:
-    """Return the rows of all struts at home."""
+    """Return the rows of all struts of ``mechanism`` at home."""
     return strut_rows(home_configuration(mechanism))
 
 
-def _rows_by_numbers(mechanism: Mechanism) -> StrutRows:
-    """Return rows with the solutions ``v = J x, q'_a = T x``: v = J T^t q'_a, q'_a in range T."""
+def _rows_by_jacobian(configuration: Configuration) -> StrutRows:
+    """Return rows whose motions are ``v = J x, q'_a = T x``."""
+    mechanism = configuration.mechanism
     point = mechanism.working_point
     assert point is not None
-    jacobian, mapping = point.jacobian, point.mapping
-    count, task = len(mapping), len(jacobian)
-    outside = np.eye(count) - mapping @ mapping.T
+    task, count = len(point.jacobian), len(point.mapping)
     # Whatever the units of the task velocity, it is scaled to the size of the actuator rates.
-    size = float(np.linalg.norm(jacobian, 2))
-    size = size if size > 0.0 else 1.0
-    none = np.zeros(0, dtype=np.intp)
-    drives = DriveRows(
-        np.vstack([np.eye(task), np.zeros((count, task))]),
-        np.vstack([jacobian @ mapping.T / size, outside]),
-        np.full(task + count, -1, dtype=np.intp),
-        np.zeros((0, 0, task)),
+    size = float(np.linalg.norm(point.jacobian, 2)) or 1.0
+    none = frozen(np.zeros(0, dtype=np.intp))
+    constraints = StrutConstraints(
+        frozen(np.zeros((0, task))), none, frozen(np.zeros((count, task))),
+        frozen(np.zeros((count, 0))), none, mechanism.rate_scale,
     )
     return StrutRows(
-        mechanism,
-        StrutConstraints(np.zeros((0, task)), none, None, lambda: drives),
-        np.full(task, 1.0 / size),
-        np.ones(count),
-        np.arange(task, dtype=np.intp),
+        configuration,
+        constraints,
+        frozen(np.full(task, 1.0 / size)),
+        mechanism.rate_scale,
+        frozen(np.arange(task, dtype=np.intp)),
         0.0,
+        (frozen(point.jacobian / size), frozen(point.mapping * mechanism.rate_scale[:, None])),
     )

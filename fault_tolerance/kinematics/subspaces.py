@@ -14,56 +14,44 @@ from fault_tolerance.tolerances import RANK_TOLERANCE
 
 
 def rank_of(sigma: FloatArray, scale: float | None = None) -> int:
-    """Return how many singular values ``sigma`` count as not zero.
+    """Return how many of the singular values ``sigma`` (k,) are not zero, compared with ``scale``.
 
-    Parameters
-    ----------
-    sigma : (k,) array
-    scale : float, optional
-        What "not small" is measured against; the largest of them by default.
+    By default they are compared with the largest of them.
     """
-    values: list[float] = sigma.tolist()
     if scale is None:
-        scale = max(values, default=0.0)
-    threshold = RANK_TOLERANCE * scale
-    if not (scale > 0.0 and values):
-        return 0
-    if min(values) > threshold:
-        return len(values)
-    return sum(value > threshold for value in values)
+        scale = float(sigma.max(initial=0.0))
+    return int((sigma > RANK_TOLERANCE * scale).sum()) if scale > 0.0 else 0
 
 
 def rank(matrix: FloatArray, scale: float | None = None) -> int:
-    """Return the numerical rank of ``matrix`` (r, c)."""
-    if matrix.size == 0:
-        return 0
+    """Return the numerical rank of ``matrix`` (r, c); ``scale`` as in `rank_of`."""
     return rank_of(singular_values(matrix), scale)
 
 
 def null_space(matrix: FloatArray, scale: float | None = None) -> FloatArray:
-    """Return an orthonormal basis (c, c - rank) of the right null space of ``matrix`` (r, c)."""
-    if matrix.shape[0] == 0:
-        return np.eye(matrix.shape[1])
-    if matrix.shape[1] == 0:
-        return np.zeros((0, 0))
+    """Return a basis (c, c - rank) of the null space of ``matrix`` (r, c), orthonormal.
+
+    ``scale`` as in `rank_of`.
+    """
     _, sigma, right = decomposed(matrix)
     return right[rank_of(sigma, scale) :].T
 
 
 def range_basis(matrix: FloatArray, scale: float | None = None) -> FloatArray:
-    """Return an orthonormal basis (r, rank) of the range of ``matrix`` (r, c)."""
-    if matrix.size == 0:
-        return np.zeros((matrix.shape[0], 0))
+    """Return an orthonormal basis (r, rank) of the range of ``matrix`` (r, c).
+
+    ``scale`` as in `rank_of`.
+    """
     left, sigma, _ = decomposed(matrix)
     return left[:, : rank_of(sigma, scale)]
 
 
 def manipulability(matrix: FloatArray, order: int, scale: float | None = None) -> float:
-    """Return w_r, the product of the r largest singular values, 0 if the rank is less than r.
+    """Return w_r, the product of the r largest singular values of ``matrix`` (rows, columns).
 
-    The classical measure, with the rank it needs made explicit (docs/theory.md, eq. 13): without
-    it a matrix that has lost a direction can look healthy. w_0 = 1. ``scale`` is what "not
-    small" is measured against, the largest singular value by default.
+    The classical measure, with the rank r it needs, ``order``, made explicit (docs/theory.md, eq.
+    13): 0 for less rank, as a matrix that has lost a direction could look healthy. w_0 = 1.
+    ``scale`` as in `rank_of`.
     """
     if order == 0:
         return 1.0
@@ -75,21 +63,27 @@ def manipulability(matrix: FloatArray, order: int, scale: float | None = None) -
     return float(np.prod(sigma[:order]))
 
 
+def manipulabilities(matrices: FloatArray, order: int, scale: float | None = None) -> FloatArray:
+    """Return w_r (q,) of each of ``matrices`` (q, r, c); ``order``, ``scale`` as above."""
+    if order == 0:
+        return np.ones(len(matrices))
+    if order > min(matrices.shape[1:]):
+        return np.zeros(len(matrices))
+    sigma = np.linalg.svd(matrices, compute_uv=False)
+    largest = sigma[:, 0] if scale is None else scale
+    full = sigma[:, order - 1] > RANK_TOLERANCE * largest
+    return np.where(full, sigma[:, :order].prod(axis=1), 0.0)
+
+
 def adds_rank(matrix: FloatArray) -> tuple[bool, ...]:
     """Return for each row of ``matrix`` (r, c) whether it is independent of those before it."""
-    rows, columns = len(matrix), int(matrix.shape[1])
-    largest = float(np.sqrt(np.einsum('ij,ij->i', matrix, matrix).max(initial=0.0)))
-    # If the first rows span everything, they are independent and the others are not.
-    first = singular_values(matrix[:columns])
-    if len(first) == columns and min(first.tolist(), default=1.0) > RANK_TOLERANCE * largest:
-        return (True,) * columns + (False,) * (rows - columns)
-    basis: FloatArray = np.zeros((0, columns))
-    result: list[bool] = []
+    largest = float(np.linalg.norm(matrix, axis=1).max(initial=0.0))
+    basis, result = np.zeros((0, matrix.shape[1])), []
     for row in matrix:
         rest = row - basis.T @ (basis @ row)
         rest = rest - basis.T @ (basis @ rest)
         size = float(np.linalg.norm(rest))
-        new = bool(size > RANK_TOLERANCE * largest)
+        new = size > RANK_TOLERANCE * largest
         if new:
             basis = np.vstack([basis, rest / size])
         result.append(new)

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,46 +14,30 @@ from fault_tolerance.errors import ArrayError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+_Array = TypeVar('_Array', bound=NDArray[Any])
 
 
-def frozen(array: FloatArray) -> FloatArray:
+def frozen(array: _Array) -> _Array:
     """Return ``array`` itself, read-only from now on: for one that has just been made."""
     array.setflags(write=False)
     return array
 
 
 def frozen_array(
-    value: ArrayLike,
-    shape: tuple[int | None, ...],
-    name: str,
-    *,
-    finite: bool = True,
+    value: ArrayLike, shape: tuple[int | None, ...], name: str, *, finite: bool = True
 ) -> FloatArray:
-    """Return a read-only copy of ``value`` as float64, checked.
+    """Return a read-only float64 copy of ``value``, called ``name`` in errors.
 
-    Parameters
-    ----------
-    value : array_like
-        What is to be stored.
-    shape : tuple of int or None
-        The shape it must have; None leaves an extent open.
-    name : str
-        What it is, for the error.
-    finite : bool
-        Whether every element must be finite.
-
-    Raises
-    ------
-    ArrayError
-        If the shape differs, or an element is not a (finite) number.
+    ArrayError if it is not of ``shape`` (None leaves an extent open), or if an element is not a
+    number, or not a finite one where ``finite`` is asked for.
     """
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ArrayError(name, f'is not an array of numbers ({error})') from None
     fits = array.ndim == len(shape) and all(
-        wanted is None or extent == wanted
-        for extent, wanted in zip(array.shape, shape, strict=True)
+        wanted in (None, extent) for extent, wanted in zip(array.shape, shape, strict=True)
     )
     if not fits:
         wanted_text = ' x '.join('any' if extent is None else str(extent) for extent in shape)

@@ -21,18 +21,46 @@ def shipped_names() -> tuple[str, ...]:
 def mechanism_named(name: str | Path) -> Mechanism:
     """Return a shipped mechanism by its name, or the one in a file by its path.
 
+    Parameters
+    ----------
+    name : str or Path
+
+    Returns
+    -------
+    Mechanism
+
     Raises
     ------
     MechanismError
         If it is neither, or the file cannot be used.
     """
+    return mechanism_from_file(mechanism_path(name))
+
+
+def mechanism_path(name: str | Path) -> Path:
+    """Return the file of a shipped mechanism, or the path itself.
+
+    Parameters
+    ----------
+    name : str or Path
+        Of a shipped mechanism, or the path of a file.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    MechanismError
+        If it is neither.
+    """
     text = str(name)
     if text in shipped_names():
-        return mechanism_from_file(_folder() / f'{text}.yaml')
+        return _folder() / f'{text}.yaml'
     if not text:
         raise MechanismError('mechanism', '', 'no name given')
     if Path(text).suffix in ('.yaml', '.yml') or Path(text).exists():
-        return mechanism_from_file(text)
+        return Path(text)
     shipped = ', '.join(shipped_names())
     raise MechanismError(text, '', f'is neither a file nor a shipped mechanism ({shipped})')
 

@@ -10,84 +10,43 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray, frozen
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.regular import RegularStruts, regular_struts
-from fault_tolerance.mechanism.screws import (
-    BASE_ORIGIN,
-    joint_displacements,
-    moved_to,
-    powers,
-    transformed,
-)
+from fault_tolerance.mechanism.screws import BASE_ORIGIN, joint_displacements, powers, transformed
 
 
 @dataclass(frozen=True, eq=False)
 class Chains:
-    """A mechanism's s struts, padded to k joints each with joints that do nothing.
-
-    Attributes
-    ----------
-    screws : (s, k, 6) array
-        Joint twists at home, base axes, v at the base origin; zero where padded.
-    powers : (3, s, k, 4, 4) array
-        First three powers of the screws' matrices.
-    actuator : (s, k) int array
-        The place of the joint's actuator in the mechanism's order, -1 where it has none.
-    real : (s, k) bool array
-        False where padded.
-    scale : (6,) array
-        The metric of twists: rotations times the characteristic length, translations as is.
-    home : (4, 4) array
-        The platform frame at home.
-    """
+    """A mechanism's s struts, padded to k joints each with joints that do nothing."""
 
     screws: FloatArray
+    """(s, k, 6): joint twists at home, base axes, v at the base origin; zero where padded."""
     powers: FloatArray
+    """(3, s, k, 4, 4): first three powers of the screws' matrices."""
     actuator: IntArray
-    real: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+    """(s, k): the place of the joint's actuator in the mechanism's order, -1 where it has none."""
+    real: BoolArray
+    """(s, k): whether there is such a joint."""
     scale: FloatArray
+    """(6,): the metric of twists: the characteristic length for rotations, 1 for translations."""
     home: FloatArray
-
-    @cached_property
-    def active(self) -> FloatArray:
-        """1 at actuated joints, else 0, (s, k)."""
-        return (self.actuator >= 0).astype(np.float64)
-
-    @cached_property
-    def passive(self) -> FloatArray:
-        """1 at joints without a drive, else 0, (s, k)."""
-        return (self.real & (self.actuator < 0)).astype(np.float64)
+    """(4, 4): the platform frame at home."""
 
     @cached_property
     def places(self) -> tuple[IntArray, IntArray]:
         """Strut and joint of each actuator, (N,) each."""
         strut, joint = np.nonzero(self.actuator >= 0)
         order = np.argsort(self.actuator[strut, joint])
-        return strut[order], joint[order]
+        return frozen(strut[order]), frozen(joint[order])
 
-    @cached_property
-    def length(self) -> float:
-        """The characteristic length, metres."""
-        return float(self.scale[0])
-
-    @cached_property
-    def drive_sizes(self) -> FloatArray:
-        """Metres at home per unit of each actuated joint, (N,): the lengths of its screws."""
-        at_home = moved_to(self.screws[self.places], self.home[:3, 3]) * self.scale
-        return np.asarray(np.linalg.norm(at_home, axis=1))
-
-    @cached_property
-    def regular(self) -> RegularStruts | None:
-        """The same struts prepared for the short way; None if some are not regular."""
-        origin = self.home[:3, 3]
-        return regular_struts(self.screws, self.real, self.places, self.length, origin)
+    def __repr__(self) -> str:
+        return f'Chains({self.real.shape[0]} struts of up to {self.real.shape[1]} joints)'
 
 
 @lru_cache(maxsize=64)
 def chains_of(mechanism: Mechanism) -> Chains:
     """Return the struts of ``mechanism`` as `Chains` (kept: mechanisms do not change)."""
-    longest = max(len(strut.joints) for strut in mechanism.struts)
+    longest = max((len(strut.joints) for strut in mechanism.struts), default=0)
     shape = (len(mechanism.struts), longest)
     screws = np.zeros((*shape, 6))
     actuator = np.full(shape, -1, dtype=np.intp)
@@ -103,10 +62,10 @@ def chains_of(mechanism: Mechanism) -> Chains:
     scale[:3] = mechanism.characteristic_length
     home = np.eye(4)
     home[:3, 3] = mechanism.origin
-    screw_powers = powers(screws)
-    for array in (screws, screw_powers, actuator, real, scale, home):
-        array.setflags(write=False)
-    return Chains(screws, screw_powers, actuator, real, scale, home)
+    return Chains(
+        frozen(screws), frozen(powers(screws)), frozen(actuator), frozen(real), frozen(scale),
+        frozen(home),
+    )
 
 
 def forward_kinematics(
@@ -114,20 +73,9 @@ def forward_kinematics(
 ) -> tuple[FloatArray, FloatArray]:
     """Return where the joints and the tips of all struts are (product of exponentials).
 
-    Parameters
-    ----------
-    chains : Chains
-    joint_values : (s, k) array
-        Radians and metres from home.
-    point : (3,) array
-        Where the velocity of twists is measured, metres, base axes; their origin by default.
-
-    Returns
-    -------
-    screws : (s, k, 6) array
-        Joint twists at the present configuration, base axes, v at ``point``.
-    tips : (s, 4, 4) array
-        The platform frame as each strut alone would have it.
+    At ``joint_values`` (s, k) of ``chains``, radians and metres from home: the joint twists
+    (s, k, 6) in base axes with v at ``point`` (3,), and the platform frame as each strut alone
+    would have it (s, 4, 4).
     """
     steps = joint_displacements(chains.powers, joint_values)
     count, length = joint_values.shape

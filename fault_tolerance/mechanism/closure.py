@@ -4,194 +4,153 @@
 """Loop closure by Gauss-Newton steps on the strut rows.
 
 The unknowns are the platform pose and every joint. A step makes the struts' tips meet the
-platform: their structural rows are solved first, along the directions the flexures do not
-absorb; what freedom is left fits the actuator values; passive joints follow, strut by strut
+platform: their structural rows are solved first, along the directions that the flexures do not
+absorb; the freedom left fits the actuator values; the other joints follow, strut by strut
 (docs/theory.md, section 3).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.attachment import attachment_of
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.evaluation import State, evaluated
+from fault_tolerance.mechanism.freedom import Structure, attachment_of, motions, structure_of
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.mechanism.screws import displaced
-from fault_tolerance.mechanism.state import State, evaluated
-from fault_tolerance.mechanism.steps import Closed
-from fault_tolerance.mechanism.tracking import LAST_STEP, tracked
-from fault_tolerance.tolerances import RANK_TOLERANCE
+from fault_tolerance.mechanism.targets import Level, Step, Target
+from fault_tolerance.tolerances import CLOSURE_TOLERANCE, LAST_STEP, LONGEST_STEP, RANK_TOLERANCE
 
 _MOST_ITERATIONS = 60
-# Steps longer than this many characteristic lengths are shortened: linearisation ends there.
-_LONGEST_STEP = 0.3
-_LAST_STEP_SOLVED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """A state after loop closure, with its certificate."""
+
+    state: State
+    converged: bool
+    iterations: int
+    residual: float
+    """Metres left open outside the directions that the flexures absorb."""
+    strain: float
+    """Metres open along the directions they absorb."""
+
+    def __repr__(self) -> str:
+        words = 'converged' if self.converged else 'not converged'
+        return f'Closed({words}, {self.iterations} iterations, open {self.residual:.1e} m)'
 
 
 class Closure:
-    """Closes the loops of a mechanism from which some struts may have been lost.
+    """Closes the loops of ``mechanism`` without its struts ``lost``.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    lost : collection of str
-    compliance : float, optional
-        Structural constraints up to it are absorbed; the mechanism's own by default.
+    Structural constraints up to ``compliance`` are absorbed; the mechanism's own by default.
     """
 
     def __init__(
-        self, mechanism: Mechanism, lost: Collection[str], compliance: float | None = None
+        self, mechanism: Mechanism, lost: Collection[str] = (), compliance: float | None = None
     ) -> None:
         self.mechanism = mechanism
+        self.attachment = attachment_of(mechanism, lost)
         self._compliance = mechanism.compliance if compliance is None else compliance
         self._chains = chains_of(mechanism)
-        self.attachment = attachment_of(mechanism, lost)
 
-    def fitted(self, state: State, target: FloatArray) -> Closed:
-        """Step from ``state`` until the loops close and ``target`` is fitted.
+    def __repr__(self) -> str:
+        return f'Closure({self.mechanism.name!r}, {self.attachment})'
 
-        Along the short way where that can be taken; elsewhere as `solved`.
-
-        Parameters
-        ----------
-        state : State
-        target : (N,) array
-            Actuator values to be met in the least-squares sense, NaN where there is none. What
-            they leave free stays where it is.
-        """
-        found = tracked(state, target, self.attachment, self._compliance, LAST_STEP)
-        return found or self.solved(state, target, nearest_home=False)
-
-    def solved(self, state: State, target: FloatArray, *, nearest_home: bool) -> Closed:
-        """Step from ``state`` until the loops close and ``target`` is fitted.
-
-        Parameters
-        ----------
-        state : State
-        target : (N,) array
-            Actuator values to be met in the least-squares sense, NaN where there is none.
-        nearest_home : bool
-            Whether what the target leaves free is spent on actuator values near home; otherwise
-            it stays where it is.
-        """
-        scale = self.mechanism.characteristic_length
-        last = (_LAST_STEP_SOLVED if nearest_home else LAST_STEP) * scale
-        kept = self._kept(state)
+    def solved(self, start: State, target: Target) -> Closed:
+        """Return the closed state reached from ``start`` in which ``target`` is fitted best."""
+        state, structure = start, self._structure(start)
         for iteration in range(1, _MOST_ITERATIONS + 1):
-            state, length = self._stepped(state, target, nearest_home)
-            before, kept = kept, self._kept(state)
+            state, length = self._stepped(state, structure, target)
+            before, structure = structure, self._structure(state)
             # In an overconstrained mechanism the freedom to fit shows only once the loops close.
-            if length <= last and kept == before:
+            arrived = length <= LAST_STEP * self.mechanism.characteristic_length
+            if arrived and structure.kept == before.kept:
                 found = self.certified(state, True, iteration)
-                if found.closes:
+                if found.residual <= CLOSURE_TOLERANCE:
                     return found
             if not np.isfinite(length):
                 break
         return self.certified(state, False, iteration)
 
     def certified(self, state: State, converged: bool, iterations: int) -> Closed:
-        """Return ``state`` with what is open in it."""
-        return Closed(state, self.attachment, self._kept(state), converged, iterations)
+        """Return ``state`` and what is open in it; ``converged`` and ``iterations`` as given."""
+        residuals = state.residuals(self._structure(state), self.attachment)
+        return Closed(state, converged, iterations, *residuals)
 
-    def _kept(self, state: State) -> int:
-        """Return how many structural constraints are not absorbed."""
-        structure = state.constraints.structure_of(self.attachment)
-        return structure.kept(self._compliance)
+    def _structure(self, state: State) -> Structure:
+        return structure_of(state.constraints, self.attachment, self._compliance)
 
     def _stepped(
-        self, state: State, target: FloatArray, nearest_home: bool
+        self, state: State, structure: Structure, target: Target
     ) -> tuple[State, float]:
         """Return the state after one Gauss-Newton step, and the step's length in metres."""
-        twist, rates = self._step(state, target, nearest_home)
-        chains = self._chains
-        moved = state.openings + twist
-        joint_rates = np.zeros_like(state.joint_values)
-        joint_rates[chains.places] = rates
-        pushed = np.einsum('sk,skj->sj', joint_rates, state.screws) * chains.scale
-        attached = self.attachment.attached
-        if state.constraints.inverses is not None:
-            joint_rates = state.constraints.inverses.joint_rates(moved)
-        else:
-            passive = state.constraints.drives.passive_inverse
-            joint_rates += np.einsum('skj,sj->sk', passive, moved - pushed)
-            for index in np.flatnonzero(~attached):
-                columns = state.screws[index].T * chains.scale[:, None]
-                joint_rates[index] = np.linalg.pinv(columns, rcond=1e-9) @ moved[index]
+        twist, rates = self._step(state, structure, target)
+        joint_rates = self._joint_rates(state, state.openings + twist, rates)
         if not (np.isfinite(twist).all() and np.isfinite(joint_rates).all()):
-            return state, np.inf  # readings beyond all numbers
-        drives = float(np.linalg.norm(pushed[attached]))
-        length = max(float(np.linalg.norm(twist)), drives)
-        longest = _LONGEST_STEP * self.mechanism.characteristic_length
+            return state, np.inf  # readings near the largest floating-point number
+        length = max(_length(twist), _length(rates * self.mechanism.rate_scale))
+        longest = LONGEST_STEP * self.mechanism.characteristic_length
         shortened = min(1.0, longest / length) if length > 0.0 else 1.0
-        pose = displaced(state.pose, shortened * twist / chains.scale)
+        pose = displaced(state.pose, shortened * twist / self._chains.scale)
         values = state.joint_values + shortened * joint_rates
-        return evaluated(chains, pose, values, state.regular), length
+        return evaluated(self.mechanism, pose, values), length
+
+    def _joint_rates(self, state: State, twists: FloatArray, rates: FloatArray) -> FloatArray:
+        """Return the rates (s, k) with which the joints of each strut follow its twist.
+
+        The scaled ``twists`` (s, 6) make the struts meet the platform; ``rates`` (N,) are those of
+        the actuators. Actuators in lost struts follow like passive joints.
+        """
+        places, held = self._chains.places, self.attachment.held
+        result = np.zeros_like(state.joint_values)
+        follows = self._chains.real.copy()
+        driven = places[0][held], places[1][held]
+        result[driven], follows[driven] = rates[held], False
+        columns = np.swapaxes(state.screws, 1, 2) * self._chains.scale[:, None]
+        rest = twists - np.einsum('sik,sk->si', columns, result)
+        inverse = np.linalg.pinv(columns * follows[:, None, :], rcond=RANK_TOLERANCE)
+        return np.asarray(result + np.einsum('ski,si->sk', inverse, rest))
 
     def _step(
-        self, state: State, target: FloatArray, nearest_home: bool
+        self, state: State, structure: Structure, target: Target
     ) -> tuple[FloatArray, FloatArray]:
         """Return the scaled platform twist (6,) and the actuator rates (N,) of one step."""
-        structure = state.constraints.structure_of(self.attachment)
-        kept = structure.kept(self._compliance)
-        openings = state.openings[structure.struts]
-        misclosure = np.einsum('ij,ij->i', structure.rows, openings)
-        bars = (structure.left[:, :kept].T @ misclosure) / structure.sigma[:kept]
-        twist = -structure.right[:kept].T @ bars
-        free = structure.right[kept:].T
+        kept, constraints = structure.kept, state.constraints
+        misclosure = np.einsum('ij,ij->i', structure.rows, state.openings[structure.struts])
+        strains = structure.left[:, :kept].T @ misclosure / structure.sigma[:kept]
+        twist = -structure.right[:kept].T @ strains
+        moved = state.openings[self._chains.places[0]] + twist
+        rates = np.einsum('ij,ij->i', constraints.actuator_rows, moved)
+
+        twists, along = motions(constraints, self.attachment, structure.allowed)
+        along = along / constraints.rate_scale[:, None]
         held = self.attachment.held
-
-        particular, motions = self._drive_motions(state, twist, free)
-        width = free.shape[1]
-        values = state.actuator_values[held]
-        wanted = target[held]
-        read = np.isfinite(wanted)
-
-        solution = particular
-        error = wanted[read] - values[read] - solution[width:][read]
-        fitted, idle = _solutions(motions[width:][read], error)
-        solution = solution + motions @ fitted
-        if nearest_home and idle.shape[1]:
-            spare = motions @ idle
-            away = -values[~read] - solution[width:][~read]
-            solution = solution + spare @ _solutions(spare[width:][~read], away)[0]
-        rates = np.zeros(len(target))
-        rates[held] = solution[width:]
-        return twist + free @ solution[:width], rates
-
-    def _drive_motions(
-        self, state: State, twist: FloatArray, free: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return all [y; dq] with which the drives go along with the twist ``twist + free y``.
-
-        One solution, and a basis of the differences.
-        """
-        constraints, rows = state.constraints, state.constraints.actuator_rows
-        held = self.attachment.held
-        width = free.shape[1]
-        if rows is not None:
-            rows = rows[held]
-            struts = self._chains.places[0][held]
-            closing = np.einsum('ij,ij->i', rows, twist + state.openings[struts])
-            return (
-                np.concatenate([np.zeros(width), closing]),
-                np.vstack([np.eye(width), rows @ free]),
-            )
-        drives = constraints.drives
-        mine = self.attachment.attached[drives.struts]
-        drive = drives.drive[mine]
-        opening = np.einsum('ij,ij->i', drive, state.openings[drives.struts[mine]])
-        # drive (twist + free y) - gains dq = -opening, in the unknowns [y; dq].
-        gains = drives.rates[mine][:, held]
-        return _solutions(np.hstack([drive @ free, -gains]), -opening - drive @ twist)
+        step = Step(state, held, twist, rates, twists, along)
+        fitted = _solution(target.levels(step), along.shape[1])
+        rates = np.where(held, rates + along @ fitted, 0.0)
+        return twist + twists @ fitted, rates
 
 
-def _solutions(matrix: FloatArray, right_hand: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the shortest least-squares solution, and a basis of the null space."""
-    left, sigma, right = decomposed(matrix)
-    rank = int((sigma > RANK_TOLERANCE * sigma.max(initial=0.0)).sum()) if sigma.size else 0
-    solution = right[:rank].T @ ((left[:, :rank].T @ right_hand) / sigma[:rank])
-    return solution, right[rank:].T
+def _solution(levels: Sequence[Level], count: int) -> FloatArray:
+    """Return the shortest (count,) that meets each of ``levels`` as far as earlier ones allow."""
+    solution, idle = np.zeros(count), np.eye(count)
+    for matrix, wanted, size in levels:
+        left, sigma, right = decomposed(matrix @ idle)
+        rank = int((sigma > RANK_TOLERANCE * size).sum())
+        error = left[:, :rank].T @ (wanted - matrix @ solution)
+        solution = solution + idle @ (right[:rank].T @ (error / sigma[:rank]))
+        idle = idle @ right[rank:].T
+    return solution
+
+
+def _length(vector: FloatArray) -> float:
+    """Return the Euclidean length of ``vector``; infinite only where no number can say it."""
+    largest = float(np.abs(vector).max(initial=0.0))
+    return largest * float(np.linalg.norm(vector / largest)) if largest > 0.0 else 0.0

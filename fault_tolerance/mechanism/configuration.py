@@ -7,27 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from math import isfinite
 
 import numpy as np
 
 from fault_tolerance.errors import ClosureError, MechanismError
-from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.chains import chains_of
-from fault_tolerance.mechanism.closure import Closure
+from fault_tolerance.mechanism.closure import Closed, Closure
 from fault_tolerance.mechanism.constraints import StrutConstraints
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.state import State, evaluated
-from fault_tolerance.mechanism.steps import Closed, steps_from
-from fault_tolerance.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE
+from fault_tolerance.mechanism.evaluation import State, evaluated, home_state
+from fault_tolerance.mechanism.targets import ActuatorTarget, Target, actuator_target, pose_target
+from fault_tolerance.tolerances import CLOSURE_TOLERANCE, MISFIT_TOLERANCE, STRIDE
 
-# Continuation from home takes strides of at most this many characteristic lengths (or radians):
-# the assembly found is the one the mechanism can be driven to.
-_STRIDE = 0.1
 _MOST_STRIDES = 50
-
-FARTHEST = 1e6
-"""Radians or metres from home; beyond, a number is a mistake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +33,8 @@ class Configuration:
     pose : (4, 4) array
         The platform frame in base axes.
     joint_values : (s, k) array
-        All joints of all struts, zero where padded; lost struts as near to the platform as they
-        reach.
+        All joints of all struts, radians and metres from home, zero where padded; lost struts as
+        near to the platform as they reach.
     actuator_values : (N,) array
         Joint values of the actuators, consistent with `pose`.
     misfit : (N,) array
@@ -49,8 +42,13 @@ class Configuration:
     converged : bool
         Whether the loops are closed and the values given are fitted.
     iterations : int
-    closed : Closed or None
-        The working arrays, from which the next configuration starts; None without struts.
+        Gauss-Newton steps taken.
+    closure_residual : float
+        Metres left open outside the directions that the flexures absorb.
+    flexure_strain : float
+        Metres the flexures take up along the directions they absorb.
+    state : State or None
+        The warm start of the next configuration; None without struts.
     """
 
     mechanism: Mechanism
@@ -60,60 +58,75 @@ class Configuration:
     misfit: FloatArray
     converged: bool
     iterations: int
-    closed: Closed | None
+    closure_residual: float = 0.0
+    flexure_strain: float = 0.0
+    state: State | None = None
 
-    @property
-    def state(self) -> State | None:
-        """The state from which the next configuration starts; None without struts."""
-        return self.closed.state if self.closed else None
-
-    @property
-    def closure_residual(self) -> float:
-        """Metres left open outside the directions that the flexures absorb."""
-        return self.closed.open[0] if self.closed else 0.0
-
-    @property
-    def flexure_strain(self) -> float:
-        """Metres the flexures take up along the directions they absorb."""
-        return self.closed.open[1] if self.closed else 0.0
-
-    def prepare(self) -> None:
-        """Work out what fitting the next configuration from this one will need."""
-        if self.closed is not None and self.converged:
-            steps_from(self.closed.state, self.closed.attachment, self.closed.kept)
+    def __repr__(self) -> str:
+        words = 'closed' if self.converged else 'not converged'
+        return f'Configuration({self.mechanism.name!r}, {words}, {self.iterations} iterations)'
 
     @property
     def constraints(self) -> StrutConstraints:
-        """What the struts say here; only for a mechanism with struts."""
+        """What the struts say here; only for a mechanism with struts.
+
+        Raises
+        ------
+        MechanismError
+            If the mechanism is given by its Jacobian.
+        """
         if self.state is None:
-            reason = 'the mechanism is given by numbers'
+            reason = 'the mechanism is given by its Jacobian'
             raise MechanismError(self.mechanism.name, 'struts', reason)
         return self.state.constraints
 
     @property
     def largest_misfit(self) -> float:
         """The largest misfit, in metres (revolute actuators times the characteristic length)."""
-        return _largest_misfit(self.mechanism, self.misfit)
+        return float(np.abs(self.misfit * self.mechanism.rate_scale).max(initial=0.0))
 
     @property
     def strain_allowed(self) -> float:
         """The flexure strain the mechanism may have, in metres."""
-        mechanism = self.mechanism
-        return max(mechanism.compliance * mechanism.characteristic_length, CLOSURE_TOLERANCE)
+        absorbed = self.mechanism.compliance * self.mechanism.characteristic_length
+        return max(absorbed, CLOSURE_TOLERANCE)
 
 
 def home_configuration(mechanism: Mechanism) -> Configuration:
     """Return ``mechanism`` at home."""
     if not mechanism.struts:
         return _working_point(mechanism)
-    closure = Closure(mechanism, ())
-    return configuration_from(mechanism, closure.certified(_home_state(mechanism), True, 0), None)
+    closure = Closure(mechanism)
+    closed = closure.certified(home_state(mechanism), True, 0)
+    return _configuration(mechanism, closed, closure.attachment.held)
+
+
+def placed_configuration(
+    mechanism: Mechanism,
+    pose: FloatArray,
+    joint_values: FloatArray,
+    target: FloatArray | None = None,
+    lost: Collection[str] = (),
+) -> Configuration:
+    """Return the configuration of ``mechanism`` without its struts ``lost`` at a known place.
+
+    No loop is closed: ``converged`` says whether they are, at ``pose`` (4, 4) and all
+    ``joint_values`` (s, k), radians and metres from home. The actuator values read, ``target``
+    (N,) with NaN where there is none, give the misfit.
+    """
+    pose = frozen_array(pose, (4, 4), 'pose')
+    if not mechanism.struts:
+        return _working_point(mechanism)
+    shape = chains_of(mechanism).real.shape
+    joint_values = frozen_array(joint_values, shape, 'joint values')
+    closure = Closure(mechanism, lost)
+    closed = closure.certified(evaluated(mechanism, pose, joint_values), True, 0)
+    closed = replace(closed, converged=closed.residual <= CLOSURE_TOLERANCE)
+    return _configuration(mechanism, closed, closure.attachment.held, target)
 
 
 def solved_configuration(
-    mechanism: Mechanism,
-    given: Mapping[str, float],
-    lost: Collection[str] = (),
+    mechanism: Mechanism, given: Mapping[str, float], lost: Collection[str] = ()
 ) -> Configuration:
     """Return the configuration with the actuator values ``given``, continued from home.
 
@@ -127,6 +140,10 @@ def solved_configuration(
     lost : collection of str
         Struts that no longer hold the platform.
 
+    Returns
+    -------
+    Configuration
+
     Raises
     ------
     MechanismError
@@ -135,35 +152,58 @@ def solved_configuration(
         If the loops do not close within 1e-9 m (beyond what the compliance absorbs), or values
         given contradict each other by more than 1e-6 characteristic lengths.
     """
-    target = np.full(len(mechanism.actuators), np.nan)
-    for name, value in given.items():
-        if name not in mechanism.actuator_names:
-            valid = ', '.join(mechanism.actuator_names)
-            reason = f'{name!r} is not an actuator; valid: {valid}'
-            raise MechanismError(mechanism.name, 'at', reason)
-        if not isfinite(value):
-            raise MechanismError(mechanism.name, f'at.{name}', f'{value} is not finite')
-        if abs(value) > FARTHEST:
-            reason = f'{value} is farther than any joint goes ({FARTHEST:g})'
-            raise MechanismError(mechanism.name, f'at.{name}', reason)
-        target[mechanism.actuator_index(name)] = value
+    target = actuator_target(mechanism, given)
     if not mechanism.struts:
-        if given:
-            reason = 'a mechanism given by numbers has no configuration but its working point'
-            raise MechanismError(mechanism.name, 'at', reason)
-        return _working_point(mechanism)
+        return _working_point(mechanism, 'at', given)
     closure = Closure(mechanism, lost)
-    state = _home_state(mechanism)
-    reach = float(np.nanmax(_in_metres(mechanism, np.abs(target)), initial=0.0))
-    strides = int(np.ceil(reach / (_STRIDE * mechanism.characteristic_length)))
-    strides = min(max(strides, 1), _MOST_STRIDES)
-    iterations = 0
-    for stride in range(1, strides + 1):
-        goal = target * (stride / strides)
-        closed = closure.solved(state, goal, nearest_home=True)
-        state, iterations = closed.state, iterations + closed.iterations
-    found = configuration_from(mechanism, replace(closed, iterations=iterations), target)
+    reach = float(np.nanmax(np.abs(target.values * mechanism.rate_scale), initial=0.0))
+    closed = _continued(closure, target, reach)
+    found = _configuration(mechanism, closed, closure.attachment.held, target.values)
     _require_closed(found)
+    return found
+
+
+def posed_configuration(
+    mechanism: Mechanism, given: Mapping[str, float], lost: Collection[str] = ()
+) -> Configuration:
+    """Return the configuration with the task coordinates ``given``, continued from home.
+
+    The coordinates are those of the platform's displacement from home: wx, wy and wz of its
+    rotation vector (radians, base axes), vx, vy and vz of its origin (metres, base axes).
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    given : mapping of str to float
+        Displacements by task coordinate. Task coordinates left out are as near to home as the
+        loops allow (least squares, rotations times the characteristic length), then the actuator
+        values.
+    lost : collection of str
+        Struts that no longer hold the platform.
+
+    Returns
+    -------
+    Configuration
+
+    Raises
+    ------
+    MechanismError
+        For a name that is no task coordinate, or a value that is not finite or too large.
+    ClosureError
+        If the loops do not close within 1e-9 m (beyond what the compliance absorbs), or the
+        platform does not reach what is given within 1e-6 characteristic lengths.
+    """
+    target = pose_target(mechanism, given)
+    if not mechanism.struts:
+        return _working_point(mechanism, 'pose', given)
+    closure = Closure(mechanism, lost)
+    closed = _continued(closure, target, float(np.abs(target.values * target.scale).max()))
+    found = _configuration(mechanism, closed, closure.attachment.held)
+    _require_closed(found, 'the pose is out of reach: ')
+    allowed = MISFIT_TOLERANCE * mechanism.characteristic_length
+    missed = target.misfit(found.pose)
+    if missed > allowed:
+        raise ClosureError('the pose is out of reach: the platform misses it', missed, allowed)
     return found
 
 
@@ -194,27 +234,33 @@ def fitted_configuration(
         The loops are closed first, the N readings fitted by least squares within that. Does not
         raise for numerical reasons: read `Configuration.converged`.
     """
-    count = len(mechanism.actuators)
-    if type(values) is np.ndarray and values.dtype == np.float64 and values.shape == (count,):
-        target = values  # read here and not kept
-    else:
-        target = frozen_array(values, (count,), 'values', finite=False)
+    target = frozen_array(values, (len(mechanism.actuators),), 'values', finite=False)
     if not mechanism.struts:
         return _working_point(mechanism)
     closure = Closure(mechanism, lost, compliance)
-    state = start.state if start is not None else None
-    if state is None:
-        state = _home_state(mechanism)
-    return configuration_from(mechanism, closure.fitted(state, target), target)
+    state = (start.state if start else None) or home_state(mechanism)
+    closed = closure.solved(state, ActuatorTarget(target, nearest_home=False))
+    return _configuration(mechanism, closed, closure.attachment.held, target)
 
 
-def _require_closed(found: Configuration) -> None:
-    # Closed is what is closed: steps that are still longer than asked for do not matter then.
+def _continued(closure: Closure, target: Target, reach: float) -> Closed:
+    """Return the state at ``target``, ``reach`` metres from home, by strides from there."""
+    strides = int(np.ceil(reach / (STRIDE * closure.mechanism.characteristic_length)))
+    strides = min(max(strides, 1), _MOST_STRIDES)
+    state, iterations = home_state(closure.mechanism), 0
+    for stride in range(1, strides + 1):
+        closed = closure.solved(state, target.at(stride / strides))
+        state, iterations = closed.state, iterations + closed.iterations
+    return replace(closed, iterations=iterations)
+
+
+def _require_closed(found: Configuration, cause: str = '') -> None:
+    # Loops that are closed will do, even if the last step was longer than it should be.
     if not found.closure_residual <= CLOSURE_TOLERANCE:
-        reason = 'the loops do not close'
+        reason = f'{cause}the loops do not close'
         raise ClosureError(reason, found.closure_residual, CLOSURE_TOLERANCE)
     if found.flexure_strain > found.strain_allowed:
-        reason = 'the loops do not close within the compliance'
+        reason = f'{cause}the loops do not close within the compliance'
         raise ClosureError(reason, found.flexure_strain, found.strain_allowed)
     allowed = MISFIT_TOLERANCE * found.mechanism.characteristic_length
     if found.largest_misfit > allowed:
@@ -222,65 +268,33 @@ def _require_closed(found: Configuration) -> None:
         raise ClosureError(reason, found.largest_misfit, allowed)
 
 
-def _home_state(mechanism: Mechanism) -> State:
-    chains = chains_of(mechanism)
-    values = np.zeros(chains.real.shape)
-    return evaluated(chains, np.array(chains.home), values, chains.regular)
-
-
-def configuration_from(
-    mechanism: Mechanism,
-    closed: Closed,
-    target: FloatArray | None,
-    *,
-    complete: bool = False,
+def _configuration(
+    mechanism: Mechanism, closed: Closed, held: BoolArray, target: FloatArray | None = None
 ) -> Configuration:
-    """Return the configuration that a closed state is, fitted to ``target`` (N,).
+    """Return the configuration that ``closed`` is, with its misfit to ``target`` (N,).
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    closed : Closed
-    target : (N,) array, optional
-    complete : bool
-        Whether it is known that no strut is lost and every actuator has a reading.
+    The target is NaN where no value was given; only the actuators ``held`` (N,) count.
     """
-    state, attachment = closed.state, closed.attachment
-    actuators = state.actuator_values
-    if target is None:
-        misfit = np.zeros(actuators.shape)
-    elif complete or (attachment.complete and isfinite(float(target.sum()))):
-        misfit = target - actuators
-    else:
-        # Differences with NaN, where there is no reading, are left out.
-        misfit = np.zeros(actuators.shape)
-        np.subtract(target, actuators, out=misfit, where=np.isfinite(target) & attachment.held)
-    for array in (state.pose, state.joint_values, actuators, misfit):
-        array.setflags(write=False)
+    state = closed.state
+    target = np.full(len(held), np.nan) if target is None else target
+    target = frozen_array(target, (len(held),), 'target', finite=False)
+    misfit = np.where(np.isfinite(target) & held, target - state.actuator_values, 0.0)
     return Configuration(
-        mechanism,
-        state.pose,
-        state.joint_values,
-        actuators,
-        misfit,
-        closed.converged,
-        closed.iterations,
-        closed,
+        mechanism, state.pose, state.joint_values, state.actuator_values, frozen(misfit),
+        closed.converged, closed.iterations, closed.residual, closed.strain, state,
     )
 
 
-def _working_point(mechanism: Mechanism) -> Configuration:
-    none = frozen_array(np.zeros((0, 0)), (0, 0), 'joint values')
-    zero = frozen_array(np.zeros(len(mechanism.actuators)), (None,), 'actuator values')
-    pose = np.eye(4)
-    pose[:3, 3] = mechanism.origin
-    pose = frozen_array(pose, (4, 4), 'pose')
-    return Configuration(mechanism, pose, none, zero, zero, True, 0, None)
+def _working_point(
+    mechanism: Mechanism, key: str = '', given: Collection[str] = ()
+) -> Configuration:
+    """Return the only configuration of a mechanism given by its Jacobian.
 
-
-def _in_metres(mechanism: Mechanism, values: FloatArray) -> FloatArray:
-    return values * mechanism.rate_scale
-
-
-def _largest_misfit(mechanism: Mechanism, misfit: FloatArray) -> float:
-    return float(np.abs(_in_metres(mechanism, misfit)).max(initial=0.0))
+    If another one was asked for by what was ``given``, MechanismError names it by ``key``.
+    """
+    if given:
+        reason = 'a mechanism given by its Jacobian has no configuration but its working point'
+        raise MechanismError(mechanism.name, key, reason)
+    chains, zero = chains_of(mechanism), frozen(np.zeros(len(mechanism.actuators)))
+    joint_values = frozen(np.zeros(chains.real.shape))
+    return Configuration(mechanism, chains.home, joint_values, zero, zero, True, 0)

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The machine: actuators, joints, struts, and the mechanism they make.
+"""The machine: struts, actuators and task, and how they fit together.
 
 Everything is given at home, in base axes, metres and radians. A strut is a serial chain of
 single-axis joints from the base to the platform; spherical and universal joints are expanded
@@ -13,140 +13,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, isfinite, isnan
-from typing import Literal
+from math import isfinite
 
 import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
 from fault_tolerance.mechanism.failure_modes import mode_words
+from fault_tolerance.mechanism.parts import Actuator, Strut
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
-
-JointKind = Literal['revolute', 'prismatic']
-
-
-@dataclass(frozen=True)
-class Actuator:
-    """A driven joint axis and how its drive names and counts it.
-
-    Attributes
-    ----------
-    name : str
-        Its name in reports, measures and commands.
-    joint, strut : str
-        The joint it drives and the strut that joint is in; empty where the mechanism is given
-        by numbers only.
-    kind : {'revolute', 'prismatic'}
-        Radians or metres.
-    position : tuple of float
-        Lowest and highest joint value, measured from home.
-    velocity : float
-        Largest speed.
-    joint_state_name : str
-        Its name in joint states, `name` where not given.
-    home : float
-        What the encoder reads at home.
-    sign : int
-        +1, or -1 where the encoder counts the other way.
-    brake : bool
-        Whether it can be locked on command.
-    """
-
-    name: str
-    joint: str = ''
-    strut: str = ''
-    kind: JointKind = 'prismatic'
-    position: tuple[float, float] = (-inf, inf)
-    velocity: float = inf
-    joint_state_name: str = ''
-    home: float = 0.0
-    sign: int = 1
-    brake: bool = False
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        low, high = self.position
-        if isnan(low) or isnan(high) or not low < high:
-            raise MechanismError(self.name, 'position', f'[{low}, {high}] is not an interval')
-        if not low <= 0.0 <= high:
-            raise MechanismError(self.name, 'position', f'[{low}, {high}] leaves out home (0)')
-        if isnan(self.velocity) or not self.velocity > 0.0:
-            raise MechanismError(self.name, 'velocity', f'{self.velocity} is not positive')
-        if not isfinite(self.home):
-            raise MechanismError(self.name, 'home', f'{self.home} is not finite')
-        if self.sign not in (-1, 1):
-            raise MechanismError(self.name, 'sign', f'{self.sign} is neither 1 nor -1')
-        if not self.joint_state_name:
-            object.__setattr__(self, 'joint_state_name', self.name)
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """One axis of a strut.
-
-    Attributes
-    ----------
-    name : str
-    kind : {'revolute', 'prismatic'}
-    axis : (3,) array
-        Direction at home, base axes, unit length.
-    point : (3,) array
-        A point on the axis at home, metres, base axes (any point for a prismatic joint).
-    actuator : Actuator or None
-        The drive, if there is one.
-    """
-
-    name: str
-    kind: JointKind
-    axis: FloatArray
-    point: FloatArray
-    actuator: Actuator | None = None
-
-    def __post_init__(self) -> None:
-        """Normalise and freeze the arrays."""
-        axis = frozen_array(self.axis, (3,), f'axis of {self.name}')
-        largest = float(np.abs(axis).max())
-        if largest < 1e-9:
-            raise MechanismError(self.name, 'axis', 'is zero')
-        # In two steps: the length of an axis of 1e200 is not a finite number.
-        direction = axis / largest
-        direction = direction / np.linalg.norm(direction)
-        object.__setattr__(self, 'axis', frozen_array(direction, (3,), 'axis'))
-        object.__setattr__(self, 'point', frozen_array(self.point, (3,), f'point of {self.name}'))
-
-    @cached_property
-    def screw(self) -> FloatArray:
-        """The joint's twist per unit rate at home, (6,), v taken at the base origin."""
-        if self.kind == 'prismatic':
-            screw = np.concatenate([np.zeros(3), self.axis])
-        else:
-            screw = np.concatenate([self.axis, np.cross(self.point, self.axis)])
-        return frozen_array(screw, (6,), 'screw')
-
-
-@dataclass(frozen=True, eq=False)
-class Strut:
-    """A serial chain from base to platform.
-
-    Attributes
-    ----------
-    name : str
-    joints : tuple of Joint
-        Base to platform.
-    release : bool
-        Whether the strut can be disconnected on command.
-    """
-
-    name: str
-    joints: tuple[Joint, ...]
-    release: bool = False
-
-    @property
-    def actuators(self) -> tuple[Actuator, ...]:
-        """The drives in it, base to platform."""
-        return tuple(joint.actuator for joint in self.joints if joint.actuator is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +34,7 @@ class Mechanism:
     name : str
     task : Task
     struts : tuple of Strut
-        Empty where the mechanism is given by numbers only.
+        Empty where the mechanism is given by its Jacobian only.
     actuators : tuple of Actuator
         All N of them, in the order in which vectors of actuators are written everywhere.
     origin : (3,) array
@@ -180,6 +56,10 @@ class Mechanism:
     characteristic_length: float = 1.0
     compliance: float = 0.0
     working_point: WorkingPoint | None = None
+
+    def __repr__(self) -> str:
+        struts, actuators = len(self.struts), len(self.actuators)
+        return f'Mechanism({self.name!r}, {struts} struts, {actuators} actuators)'
 
     def __post_init__(self) -> None:
         """Check that the parts fit together."""
@@ -223,24 +103,24 @@ class Mechanism:
     def position_limits(self) -> FloatArray:
         """Lowest and highest joint values, (N, 2)."""
         limits = [actuator.position for actuator in self.actuators]
-        return frozen_array(limits, (len(self.actuators), 2), 'limits', finite=False)
+        return frozen_array(limits, (None, 2), 'limits', finite=False)
 
     @cached_property
     def velocity_limits(self) -> FloatArray:
         """Largest speeds, (N,)."""
         limits = [actuator.velocity for actuator in self.actuators]
-        return frozen_array(limits, (len(self.actuators),), 'limits', finite=False)
+        return frozen_array(limits, (None,), 'limits', finite=False)
 
     @cached_property
     def rate_scale(self) -> FloatArray:
         """What turns joint rates into metres per second, (N,): lengths for turning drives."""
         length = self.characteristic_length
         scale = [length if one.kind == 'revolute' else 1.0 for one in self.actuators]
-        return frozen_array(scale, (len(scale),), 'scale')
+        return frozen_array(scale, (None,), 'scale')
 
     @cached_property
-    def rates_alike(self) -> bool:
-        """Whether one number turns all joint rates into metres per second."""
+    def has_uniform_rate_scale(self) -> bool:
+        """Whether all drives turn, or all slide: one factor turns rates into m/s."""
         return len(set(self.rate_scale.tolist())) == 1
 
     def actuator_index(self, name: str) -> int:
@@ -252,51 +132,41 @@ class Mechanism:
         return tuple(actuator.name for actuator in self.actuators if actuator.strut == strut)
 
     def strut_of(self, actuator: str) -> str:
-        """Return the name of the strut ``actuator`` is in; empty if given by numbers."""
+        """Return the name of the strut ``actuator`` is in; empty if given by its Jacobian."""
         return self.actuators[self.actuator_index(actuator)].strut
 
     def values_from_readings(self, readings: FloatArray) -> FloatArray:
-        """Return joint values (N,) from what the encoders read (N,)."""
+        """Return joint values (N,) from the encoders' ``readings`` (N,)."""
         return self._signs * (np.asarray(readings) - self._homes)
 
     def readings_from_values(self, values: FloatArray) -> FloatArray:
-        """Return what the encoders read (N,) at the joint values (N,)."""
+        """Return what the encoders read (N,) at the joint ``values`` (N,)."""
         return self._signs * np.asarray(values) + self._homes
 
     def rates_from_readings(self, rates: FloatArray) -> FloatArray:
-        """Return joint rates (N,) from encoder rates (N,); its own inverse."""
+        """Return joint rates (N,) from encoder ``rates`` (N,); its own inverse."""
         return self._signs * np.asarray(rates)
 
     @cached_property
     def _signs(self) -> FloatArray:
-        signs = [actuator.sign for actuator in self.actuators]
-        return frozen_array(signs, (len(signs),), 'sign')
+        return frozen_array([actuator.sign for actuator in self.actuators], (None,), 'sign')
 
     @cached_property
     def _homes(self) -> FloatArray:
-        homes = [actuator.home for actuator in self.actuators]
-        return frozen_array(homes, (len(homes),), 'home')
+        return frozen_array([actuator.home for actuator in self.actuators], (None,), 'home')
 
     def _check_names(self) -> None:
-        names: list[tuple[str, str]] = [('struts', strut.name) for strut in self.struts]
+        names = [('struts', strut.name) for strut in self.struts]
         for strut in self.struts:
             if not strut.joints:
                 raise MechanismError(self.name, f'struts.{strut.name}', 'has no joint')
-            for joint in strut.joints:
-                names.append((f'struts.{strut.name}.joints', joint.name))
-        for _, name in names:
+            names += [(f'struts.{strut.name}.joints', joint.name) for joint in strut.joints]
+        for name in (*(name for _, name in names), *self.actuator_names):
             _require_usable(self.name, name)
-        for actuator in self.actuators:
-            _require_usable(self.name, actuator.name)
         # A joint and the actuator that drives it may share a name: they are one thing.
-        names += [
-            ('actuators', actuator.name)
-            for actuator in self.actuators
-            if actuator.name != actuator.joint
-        ]
+        names += [('actuators', one.name) for one in self.actuators if one.name != one.joint]
         check_names(self.name, names)
-        states = [('joint_state_name', actuator.joint_state_name) for actuator in self.actuators]
-        check_names(self.name, states)
+        check_names(self.name, [('joint_state_name', name) for name in self.joint_state_names])
 
     def _check_actuators(self) -> None:
         found = {actuator.name for strut in self.struts for actuator in strut.actuators}
@@ -307,11 +177,10 @@ class Mechanism:
             raise MechanismError(self.name, 'actuators', f'{name!r} is missing')
 
     def _check_working_point(self, point: WorkingPoint) -> None:
-        wanted = {
-            'jacobian': (point.jacobian.shape[0], len(self.task.coordinates), 'task coordinates'),
-            'mapping': (point.mapping.shape[0], len(self.actuators), 'actuators'),
-        }
-        for key, (rows, expected, what) in wanted.items():
+        for key, rows, expected, what in (
+            ('jacobian', len(point.jacobian), len(self.task.coordinates), 'task coordinates'),
+            ('mapping', len(point.mapping), len(self.actuators), 'actuators'),
+        ):
             if rows != expected:
                 reason = f'has {rows} rows, but there are {expected} {what}'
                 raise MechanismError(self.name, key, reason)
@@ -322,7 +191,7 @@ _RESERVED = ('all', 'silent', *mode_words())
 
 
 def _require_usable(source: str, name: str) -> None:
-    """Refuse names that reports, the command line or fault commands would read otherwise."""
+    """Refuse names that reports, the command line or fault commands would misread."""
     if any(mark in name for mark in _SEPARATORS) or len(name.split()) > 1:
         reason = f'the name {name!r} must not contain a blank or any of {_SEPARATORS}'
         raise MechanismError(source, 'name', reason)
@@ -331,7 +200,7 @@ def _require_usable(source: str, name: str) -> None:
 
 
 def check_names(source: str, names: Iterable[tuple[str, str]]) -> None:
-    """Raise `MechanismError` if a name in the pairs (key, name) is empty or stands twice."""
+    """Raise `MechanismError` of ``source`` if one of ``names``, (key, name), is empty or taken."""
     seen: set[str] = set()
     for key, name in names:
         if not name:

@@ -1,7 +1,10 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The words for what can happen to a strut or an actuator."""
+"""The failure modes of a strut or an actuator, and the words for them.
+
+What a mode does to J and T is in kinematics/differential.py, and for control in kernel/motions.py.
+"""
 
 from __future__ import annotations
 
@@ -21,31 +24,18 @@ class FailureMode(str, Enum):
     @property
     def severity(self) -> int:
         """Which of two modes of one actuator counts: hard over position over torque."""
-        return _SEVERITY[self]
+        return _MILDEST_FIRST.index(self)
 
 
-_SEVERITY = {
-    FailureMode.NONE: 0,
-    FailureMode.TORQUE: 1,
-    FailureMode.POSITION: 2,
-    FailureMode.HARD: 3,
+_MILDEST_FIRST = (FailureMode.NONE, FailureMode.TORQUE, FailureMode.POSITION, FailureMode.HARD)
+
+_ALIASES = {
+    FailureMode.POSITION: ('position', 'stuck', 'locked'),
+    FailureMode.TORQUE: ('torque', 'free', 'unactuated'),
+    FailureMode.HARD: ('hard', 'lost', 'broken'),
+    FailureMode.NONE: ('none', 'ok', 'healthy', 'clear'),
 }
-
-_WORDS = {
-    'position': FailureMode.POSITION,
-    'stuck': FailureMode.POSITION,
-    'locked': FailureMode.POSITION,
-    'torque': FailureMode.TORQUE,
-    'free': FailureMode.TORQUE,
-    'unactuated': FailureMode.TORQUE,
-    'hard': FailureMode.HARD,
-    'lost': FailureMode.HARD,
-    'broken': FailureMode.HARD,
-    'none': FailureMode.NONE,
-    'ok': FailureMode.NONE,
-    'healthy': FailureMode.NONE,
-    'clear': FailureMode.NONE,
-}
+_WORDS = {word: mode for mode, words in _ALIASES.items() for word in words}
 
 
 def mode_words() -> tuple[str, ...]:
@@ -54,13 +44,7 @@ def mode_words() -> tuple[str, ...]:
 
 
 def mode_from_word(word: str) -> FailureMode:
-    """Return the mode that ``word`` names, in any case and with any of its aliases.
-
-    Raises
-    ------
-    FailureError
-        If it names none.
-    """
+    """Return the mode that ``word`` names, in any case; FailureError if it names none."""
     mode = _WORDS.get(word.strip().lower())
     if mode is None:
         raise FailureError(word, 'unknown failure mode', mode_words())

@@ -10,20 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fault_tolerance.errors import ArrayError, MechanismError
-from fault_tolerance.mechanism.description import (
-    Actuator,
-    Joint,
-    JointKind,
-    Mechanism,
-    Strut,
-    check_names,
-)
+from fault_tolerance.errors import MechanismError
+from fault_tolerance.mechanism.description import Mechanism, check_names
+from fault_tolerance.mechanism.parts import Actuator, Joint, JointKind, Strut
 from fault_tolerance.mechanism.reading import Section, parsed
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
+from fault_tolerance.tolerances import SHORTEST_AXIS
 
 _LARGEST_FILE = 16 * 1024 * 1024
+_ZERO = [0.0, 0.0, 0.0]
 
 
 def mechanism_from_file(path: str | Path) -> Mechanism:
@@ -48,11 +44,24 @@ def mechanism_from_file(path: str | Path) -> Mechanism:
 
 
 def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
-    """Return the mechanism that ``text`` (YAML) describes; ``source`` names it in errors."""
+    """Return the mechanism that ``text`` describes.
+
+    Parameters
+    ----------
+    text : str
+        YAML, as in a mechanism file.
+    source : str
+        What errors call it.
+
+    Raises
+    ------
+    MechanismError
+        If it cannot be understood: one line with source, key and reason.
+    """
     top = parsed(text, source)
     name = top.text('mechanism')
     task = _task(top)
-    origin = [0.0, 0.0, 0.0]
+    origin = _ZERO
     by_numbers = top.has('jacobian') or top.has('mapping')
     if top.has('platform') or not by_numbers:
         platform = top.section('platform')
@@ -65,8 +74,7 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
     if by_numbers:
         if top.has('struts'):
             raise top.error('struts', 'give either struts, or jacobian and mapping')
-        actuators = _listed_actuators(top)
-        point = _working_point(top)
+        actuators, point = _listed_actuators(top), _working_point(top)
     else:
         struts = tuple(_strut(section) for section in top.sections('struts'))
         if not struts:
@@ -74,14 +82,10 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
         _check_names(top, struts)
         actuators = _ordered(top, struts)
     top.close()
-    try:
+    with top.located():
         return Mechanism(
             name, task, struts, actuators, np.array(origin), length, compliance, point
         )
-    except ArrayError as error:
-        raise MechanismError(source, error.name, error.reason) from None
-    except MechanismError as error:
-        raise MechanismError(source, error.key, error.reason) from None
 
 
 def _task(top: Section) -> Task:
@@ -91,18 +95,14 @@ def _task(top: Section) -> Task:
     if section.has('major') and not major:
         raise section.error('major', 'is empty')
     section.close()
-    try:
+    with section.located():
         return Task(coordinates, major)
-    except MechanismError as error:
-        raise section.error(error.key, error.reason) from None
 
 
 def _strut(section: Section) -> Strut:
     name = section.text('name')
     release = section.flag('release')
-    joints = tuple(
-        joint for part in section.sections('joints') for joint in _joints(part, name)
-    )
+    joints = tuple(one for part in section.sections('joints') for one in _joints(part, name))
     section.close()
     if not joints:
         raise section.error('joints', 'is empty')
@@ -110,13 +110,12 @@ def _strut(section: Section) -> Strut:
 
 
 def _check_names(top: Section, struts: tuple[Strut, ...]) -> None:
-    """Refuse a name that stands for two things, joints of several axes (before expansion) too."""
+    """Refuse a name that stands for two things: here joints of several axes still have theirs."""
     names = []
-    for strut in top.sections('struts'):
-        name = strut.text('name')
-        names.append(('struts', name))
-        for joint in strut.sections('joints'):
-            names.append((f'struts.{name}.joints', joint.text('name')))
+    for section in top.sections('struts'):
+        key = f'struts.{section.text("name")}.joints'
+        names.append(('struts', section.text('name')))
+        names += [(key, joint.text('name')) for joint in section.sections('joints')]
     for part in struts:
         for actuator in part.actuators:
             if actuator.name not in (actuator.joint, actuator.joint.rpartition('.')[0]):
@@ -128,11 +127,10 @@ def _joints(section: Section, strut: str) -> list[Joint]:
     """Return the single axes that one joint of the file stands for."""
     name = section.text('name')
     kind = section.text('type')
+    single: JointKind = 'prismatic' if kind == 'prismatic' else 'revolute'
     if kind in ('revolute', 'prismatic'):
-        single: JointKind = 'revolute' if kind == 'revolute' else 'prismatic'
         axes = {'': section.numbers('axis', 3)}
     elif kind == 'universal':
-        single = 'revolute'
         pair = section.items('axes')
         if len(pair) != 2:
             raise section.error('axes', f'has {len(pair)} axes, expected two')
@@ -140,19 +138,15 @@ def _joints(section: Section, strut: str) -> list[Joint]:
             label: section.as_numbers(f'axes[{index}]', axis, 3)
             for index, (label, axis) in enumerate(zip('12', pair, strict=True))
         }
-        first, second = axes.values()
-        if np.linalg.norm(np.cross(first, second)) < 1e-9:
+        if np.linalg.norm(np.cross(axes['1'], axes['2'])) < SHORTEST_AXIS:
             raise section.error('axes', 'the two axes are parallel or zero')
     elif kind == 'spherical':
-        single = 'revolute'
         axes = {'x': [1.0, 0.0, 0.0], 'y': [0.0, 1.0, 0.0], 'z': [0.0, 0.0, 1.0]}
     else:
         reason = f'{kind!r} is not one of revolute, prismatic, universal, spherical'
         raise section.error('type', reason)
-    if kind == 'prismatic' and not section.has('point'):
-        point = [0.0, 0.0, 0.0]
-    else:
-        point = section.numbers('point', 3)
+    needs_point = kind != 'prismatic' or section.has('point')
+    point = section.numbers('point', 3) if needs_point else _ZERO
     drives = _drives(section, name, tuple(axes))
     joints = []
     for label, axis in axes.items():
@@ -161,24 +155,18 @@ def _joints(section: Section, strut: str) -> list[Joint]:
         actuator = None
         if drive is not None:
             actuator = _actuator(section, label, drive, (joint_name, strut, single))
-        try:
+        with section.located():
             joints.append(Joint(joint_name, single, np.array(axis), np.array(point), actuator))
-        except ArrayError as error:
-            key = 'point' if error.name.startswith('point') else 'axis'
-            raise section.error(key, error.reason) from None
-        except MechanismError as error:
-            raise section.error(error.key, error.reason) from None
-    _refuse_idle_keys(section, bool(drives))
+    for key in _ACTUATOR_KEYS:
+        if section.has(key) and not drives:
+            raise section.error(key, 'is for actuated joints only')
     section.close()
     return joints
 
 
 def _drives(section: Section, name: str, labels: tuple[str, ...]) -> dict[str, str]:
     """Return the actuators' names by axis label."""
-    if not section.has('actuated'):
-        section.flag('actuated')
-        return {}
-    if labels == ('',):
+    if labels == ('',) or not section.has('actuated'):
         return {'': name} if section.flag('actuated') else {}
     if section.get('actuated') is False:
         return {}
@@ -196,23 +184,13 @@ def _drives(section: Section, name: str, labels: tuple[str, ...]) -> dict[str, s
 _ACTUATOR_KEYS = ('position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake')
 
 
-def _refuse_idle_keys(section: Section, driven: bool) -> None:
-    for key in _ACTUATOR_KEYS:
-        if section.has(key) and not driven:
-            raise section.error(key, 'is for actuated joints only')
-
-
 def _actuator(
     section: Section, label: str, name: str, place: tuple[str, str, JointKind]
 ) -> Actuator:
     """Return an actuator; where a joint drives several axes, each key may be given per axis."""
-    source = section
     options: dict[str, object] = {}
-    for key in _ACTUATOR_KEYS:
-        if not section.has(key):
-            continue
-        value = section.get(key)
-        part: Section = source
+    for key in filter(section.has, _ACTUATOR_KEYS):
+        value, part = section.get(key), section
         where: object = key
         if label and isinstance(value, dict):
             part = section.section(key)
@@ -230,11 +208,8 @@ def _actuator(
     sign = options.get('sign')
     if isinstance(sign, float) and sign in (1.0, -1.0):
         options['sign'] = int(sign)
-    joint, strut, kind = place
-    try:
-        return Actuator(name, joint, strut, kind, **options)  # type: ignore[arg-type]
-    except MechanismError as error:
-        raise section.error(error.key, error.reason) from None
+    with section.located():
+        return Actuator(name, *place, **options)  # type: ignore[arg-type]
 
 
 def _ordered(top: Section, struts: tuple[Strut, ...]) -> tuple[Actuator, ...]:
@@ -258,19 +233,17 @@ def _ordered(top: Section, struts: tuple[Strut, ...]) -> tuple[Actuator, ...]:
 
 
 def _listed_actuators(top: Section) -> tuple[Actuator, ...]:
-    """Return the actuators of a mechanism given by numbers: names, or mappings with limits."""
+    """Return the actuators given beside a Jacobian: names, or mappings with limits."""
     actuators = []
     for index, entry in enumerate(top.items('actuators')):
         if isinstance(entry, str):
             actuators.append(Actuator(entry))
             continue
         section = Section(top.source, top.where(f'actuators[{index}]'), entry)
-        kind: JointKind = 'prismatic'
-        if section.has('type'):
-            word = section.text('type')
-            if word not in ('revolute', 'prismatic'):
-                raise section.error('type', f'{word!r} is not one of revolute, prismatic')
-            kind = 'revolute' if word == 'revolute' else 'prismatic'
+        word = section.text('type') if section.has('type') else 'prismatic'
+        if word not in ('revolute', 'prismatic'):
+            raise section.error('type', f'{word!r} is not one of revolute, prismatic')
+        kind: JointKind = 'revolute' if word == 'revolute' else 'prismatic'
         actuators.append(_actuator(section, '', section.text('name'), ('', '', kind)))
         section.close()
     if not actuators:
@@ -283,9 +256,5 @@ def _working_point(top: Section) -> WorkingPoint:
     for key, rows in (('jacobian', jacobian), ('mapping', mapping)):
         if any(abs(number) == inf for row in rows for number in row):
             raise top.error(key, 'holds a number that is not finite')
-    try:
+    with top.located():
         return WorkingPoint(np.array(jacobian), np.array(mapping))
-    except MechanismError as error:
-        raise top.error(error.key, error.reason) from None
-    except ArrayError as error:
-        raise top.error(error.name, error.reason) from None

@@ -10,7 +10,8 @@ from math import cos, inf, pi, sin
 import numpy as np
 
 from fault_tolerance.errors import MechanismError
-from fault_tolerance.mechanism.description import Actuator, Joint, Mechanism, Strut
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.parts import Actuator, Joint, Strut
 from fault_tolerance.mechanism.task import Task
 
 
@@ -42,6 +43,11 @@ def evenly_spaced_mirror(
         Limits of the actuators, metres (both ways from home) and metres per second.
     compliance : float
         See `Mechanism`.
+
+    Raises
+    ------
+    MechanismError
+        For fewer than three struts.
     """
     if count < 3:
         raise MechanismError('mirror', 'count', f'{count} struts do not hold a mirror (3 do)')
@@ -50,10 +56,8 @@ def evenly_spaced_mirror(
         angle = first_angle + 2.0 * pi * (number - 1) / count
         foot = radius * np.array([cos(angle), sin(angle), 0.0])
         head = foot + np.array([0.0, 0.0, length])
-        name = f'strut_{number}'
-        drive = Actuator(
-            f'theta_{number}', f'theta_{number}', name, 'prismatic', (-stroke, stroke), velocity
-        )
+        strut, name = f'strut_{number}', f'theta_{number}'
+        drive = Actuator(name, name, strut, 'prismatic', (-stroke, stroke), velocity)
         tangent = np.array([-sin(angle), cos(angle), 0.0])
         axes = zip('xyz', np.eye(3), strict=True)
         joints = (
@@ -61,7 +65,7 @@ def evenly_spaced_mirror(
             Joint(drive.name, 'prismatic', np.array([0.0, 0.0, 1.0]), foot, drive),
             *(Joint(f'ball_{number}.{label}', 'revolute', axis, head) for label, axis in axes),
         )
-        struts.append(Strut(name, joints))
+        struts.append(Strut(strut, joints))
     return Mechanism(
         f'mirror_of_{count}_struts',
         Task(('wx', 'wy', 'vz'), ('wx', 'wy')),

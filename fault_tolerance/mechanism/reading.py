@@ -7,17 +7,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isnan
 from typing import Any
 
 import yaml
 
-from fault_tolerance.errors import MechanismError
+from fault_tolerance.errors import ArrayError, MechanismError
 
 # YAML 1.1 reads 1e-3 (no dot) and -.5 as text; people write them as numbers.
 _NUMBER_AS_TEXT = re.compile(r'[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+|[-+]\.\d+')
-
-
 _MERGE = 'tag:yaml.org,2002:merge'
 
 
@@ -25,7 +24,7 @@ class _Loader(yaml.SafeLoader):
     """A safe loader that refuses a key given twice (plain YAML keeps the last one silently)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return the mapping; a doubled key is an error with its line."""
+        """Return the mapping that ``node`` stands for; a doubled key is an error with its line."""
         seen = set()
         for key_node, _ in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
@@ -39,12 +38,12 @@ class _Loader(yaml.SafeLoader):
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
         """Put in what ``<<`` refers to: each key once, own ones first, then those named first.
 
-        Not left to PyYAML, whose versions disagree on which of several sources counts, and where
-        merges of merges multiply.
+        PyYAML would not do: its versions disagree on which of several sources counts, and merges
+        of merges take time that grows exponentially.
         """
         merged: dict[object, tuple[yaml.Node, yaml.Node]] = {}
         own = {}
-        # Empty meanwhile, for a mapping that is to be merged into itself.
+        # Empty in the meantime: a mapping may refer to itself.
         pairs, node.value = node.value, []
         for key_node, value_node in pairs:
             if key_node.tag != _MERGE:
@@ -67,16 +66,10 @@ def _identity(key_node: yaml.Node) -> object:
 
 
 class Section:
-    """One mapping of a document: hands out its values once, by type.
+    """The mapping ``content`` at ``path`` of the document ``source``, read key by key, by type.
 
-    Parameters
-    ----------
-    source : str
-        The document, for errors.
-    path : str
-        Where in it this mapping is.
-    content : object
-        What was parsed there.
+    Every method takes a ``key`` of the mapping, and raises `MechanismError` that says where in the
+    document it stands and what is wrong with it.
     """
 
     def __init__(self, source: str, path: str, content: object) -> None:
@@ -88,15 +81,26 @@ class Section:
         self._read: set[object] = set()
 
     def error(self, key: object, reason: str) -> MechanismError:
-        """Return the error that ``key`` of this mapping is wrong."""
+        """Return the error that ``key`` of this mapping is wrong, and the ``reason``."""
         return MechanismError(self.source, self.where(key), reason)
+
+    @contextmanager
+    def located(self) -> Iterator[None]:
+        """Yield once, and let errors about what is made inside say where in the document it is."""
+        try:
+            yield
+        except ArrayError as error:
+            # Arrays of a joint are named as in 'axis of hinge_1'.
+            raise self.error(error.name.partition(' of ')[0], error.reason) from None
+        except MechanismError as error:
+            raise self.error(error.key, error.reason) from None
 
     def where(self, key: object) -> str:
         """Return the full path of ``key``."""
         return '.'.join(part for part in (self.path, str(key)) if part)
 
     def has(self, key: object) -> bool:
-        """Whether ``key`` is given (and not null)."""
+        """Return whether ``key`` is given (and not null)."""
         return self._content.get(key) is not None
 
     def get(self, key: object) -> object:
@@ -108,21 +112,21 @@ class Section:
         return value
 
     def text(self, key: object) -> str:
-        """Return a name: one line that is not empty."""
+        """Return the name at ``key``: one line that is not empty."""
         value = self.get(key)
         if not _is_name(value):
             raise self.error(key, f'is {_described(value)}, expected a name')
         return str(value)
 
     def number(self, key: object, default: float | None = None) -> float:
-        """Return a number; infinities count, NaN does not."""
+        """Return the number at ``key``, or ``default``; infinities are numbers, NaN is none."""
         if default is not None and not self.has(key):
             self._read.add(key)
             return default
         return self.as_number(key, self.get(key))
 
     def flag(self, key: object) -> bool:
-        """Return true or false, false if not given."""
+        """Return true or false as given at ``key``, false if not given."""
         if not self.has(key):
             self._read.add(key)
             return False
@@ -132,18 +136,18 @@ class Section:
         return value
 
     def items(self, key: object) -> list[object]:
-        """Return a list."""
+        """Return the list at ``key``."""
         value = self.get(key)
         if not isinstance(value, list):
             raise self.error(key, f'is {_described(value)}, expected a list')
         return value
 
     def numbers(self, key: object, count: int) -> list[float]:
-        """Return a list of ``count`` numbers."""
+        """Return the list of ``count`` numbers at ``key``."""
         return self.as_numbers(key, self.get(key), count)
 
     def matrix(self, key: object) -> list[list[float]]:
-        """Return rows of numbers, all of one length."""
+        """Return the rows of numbers at ``key``, all of one length."""
         rows: list[list[float]] = []
         for index, row in enumerate(self.items(key)):
             if not isinstance(row, list):
@@ -157,7 +161,7 @@ class Section:
         return rows
 
     def names(self, key: object) -> tuple[str, ...]:
-        """Return a list of names."""
+        """Return the list of names at ``key``."""
         values = self.items(key)
         for index, value in enumerate(values):
             if not _is_name(value):
@@ -166,14 +170,14 @@ class Section:
         return tuple(str(value) for value in values)
 
     def sections(self, key: object) -> Iterator[Section]:
-        """Yield the mappings of a list, each known by its name where it has one."""
+        """Yield the mappings of the list at ``key``, known by their names where they have one."""
         for index, value in enumerate(self.items(key)):
             name = value.get('name') if isinstance(value, dict) else None
             label = name if _is_name(name) else f'[{index}]'
             yield Section(self.source, self.where(f'{key}.{label}'), value)
 
     def section(self, key: object) -> Section:
-        """Return a mapping."""
+        """Return the mapping at ``key``."""
         return Section(self.source, self.where(key), self.get(key))
 
     def keys(self) -> tuple[object, ...]:
@@ -187,7 +191,7 @@ class Section:
             raise self.error(unknown[0], 'is not a known key here')
 
     def as_number(self, key: object, value: object) -> float:
-        """Return ``value`` as a number."""
+        """Return ``value``, found at ``key``, as a number."""
         if isinstance(value, str) and _NUMBER_AS_TEXT.fullmatch(value):
             value = float(value)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -201,14 +205,14 @@ class Section:
         return number
 
     def as_numbers(self, key: object, value: object, count: int) -> list[float]:
-        """Return ``value`` as a list of ``count`` numbers."""
+        """Return ``value``, found at ``key``, as a list of ``count`` numbers."""
         if not isinstance(value, list) or len(value) != count:
             raise self.error(key, f'is {_described(value)}, expected {count} numbers')
         return [self.as_number(f'{key}[{index}]', item) for index, item in enumerate(value)]
 
 
 def parsed(text: str, source: str) -> Section:
-    """Return the YAML document ``text`` as its top section; safe, doubled keys refused."""
+    """Return the YAML document ``text`` of ``source``; MechanismError if it is none."""
     try:
         content = yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as error:
@@ -223,8 +227,7 @@ def _is_name(value: object) -> bool:
 
 
 def _one_line(error: Exception) -> str:
-    mark = getattr(error, 'problem_mark', None)
-    problem = getattr(error, 'problem', None)
+    mark, problem = getattr(error, 'problem_mark', None), getattr(error, 'problem', None)
     if mark is not None and problem:
         return f'line {mark.line + 1}: {problem}'
     return ' '.join(str(error).split())

@@ -11,17 +11,12 @@ Manipulation* (1994), chapter 2.
 
 from __future__ import annotations
 
-from math import sin, sqrt
-
 import numpy as np
 
 from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.tolerances import NO_ANGLE, SERIES_ANGLE
 
-# Below this angle the closed forms lose digits to cancellation; their series are then exact to
-# rounding with the terms kept.
-_SERIES_ANGLE = 1e-3
 BASE_ORIGIN = np.zeros(3)
-_EYE = np.eye(3)
 _NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
@@ -38,31 +33,26 @@ def skew(vectors: FloatArray) -> FloatArray:
 def exponential(twists: FloatArray) -> FloatArray:
     """Return the displacements (..., 4, 4) that unit time along ``twists`` (..., 6) makes.
 
-    Rotation by Rodrigues' formula; the translation is ``V v`` with the left Jacobian ``V`` of
-    the rotation.
+    Rotation by Rodrigues' formula; translation ``V v`` with the left Jacobian V of the rotation.
     """
     w = twists[..., :3]
     squared = np.einsum('...i,...i->...', w, w)
     angle = np.sqrt(squared)
-    small = angle < _SERIES_ANGLE
+    small = angle < SERIES_ANGLE
     safe = np.where(small, 1.0, angle)
     sine = np.where(small, 1.0 - squared / 6.0 + squared**2 / 120.0, np.sin(safe) / safe)
-    # 1 - cos as a square: the difference would lose digits.
+    # 1 - cos is computed as a square: the difference would lose digits.
     half = np.sin(0.5 * safe) / safe
     cosine = np.where(small, 0.5 - squared / 24.0 + squared**2 / 720.0, 2.0 * half * half)
-    cubic = np.where(
-        small,
-        1.0 / 6.0 - squared / 120.0 + squared**2 / 5040.0,
-        (safe - np.sin(safe)) / safe**3,
-    )
+    series = 1.0 / 6.0 - squared / 120.0 + squared**2 / 5040.0
+    cubic = np.where(small, series, (safe - np.sin(safe)) / safe**3)
     hat = skew(w)
     hat_squared = hat @ hat
     result = np.zeros((*twists.shape[:-1], 4, 4))
     eye = np.eye(3)
-    result[..., :3, :3] = (
-        eye + sine[..., None, None] * hat + cosine[..., None, None] * hat_squared
-    )
-    left = eye + cosine[..., None, None] * hat + cubic[..., None, None] * hat_squared
+    sine, cosine, cubic = (each[..., None, None] for each in (sine, cosine, cubic))
+    result[..., :3, :3] = eye + sine * hat + cosine * hat_squared
+    left = eye + cosine * hat + cubic * hat_squared
     result[..., :3, 3] = np.einsum('...ij,...j->...i', left, twists[..., 3:])
     result[..., 3, 3] = 1.0
     return result
@@ -78,10 +68,9 @@ def powers(screws: FloatArray) -> FloatArray:
 
 
 def joint_displacements(screw_powers: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the displacements (..., 4, 4) of joints by ``values`` (...).
+    """Return the displacements (..., 4, 4) of joints with ``screw_powers`` by ``values`` (...).
 
-    ``exp(q S) = I + q S + (1 - cos q) S^2 + (q - sin q) S^3`` holds for unit screws, revolute or
-    prismatic; the powers of S (`powers`) are kept from one configuration to the next.
+    ``exp(q S) = I + q S + (1 - cos q) S^2 + (q - sin q) S^3`` for unit screws of both kinds.
     """
     factors = np.stack([values, 2.0 * np.sin(0.5 * values) ** 2, values - np.sin(values)])
     return np.asarray(np.eye(4) + (factors[..., None, None] * screw_powers).sum(axis=0))
@@ -90,15 +79,9 @@ def joint_displacements(screw_powers: FloatArray, values: FloatArray) -> FloatAr
 def transformed(
     poses: FloatArray, twists: FloatArray, point: FloatArray = BASE_ORIGIN
 ) -> FloatArray:
-    """Return twists (..., 6) carried along by displacements (..., 4, 4), ``Ad(poses) twists``.
+    """Return ``twists`` (..., 6) carried along by ``poses`` (..., 4, 4): the adjoint of the pose.
 
-    Parameters
-    ----------
-    poses : (..., 4, 4) array
-    twists : (..., 6) array
-        v at the base origin.
-    point : (3,) array
-        Where v of the result is measured; the base origin by default.
+    Velocities of ``twists`` are taken at the base origin, those of the result at ``point`` (3,).
     """
     pair = np.swapaxes(twists.reshape(*twists.shape[:-1], 2, 3), -1, -2)
     turned = poses[..., :3, :3] @ pair
@@ -106,14 +89,8 @@ def transformed(
     return np.concatenate([w, turned[..., 1] + cross(poses[..., :3, 3] - point, w)], axis=-1)
 
 
-def moved_to(twists: FloatArray, point: FloatArray) -> FloatArray:
-    """Return ``twists`` (..., 6), given about the base origin, with v measured at ``point``."""
-    w = twists[..., :3]
-    return np.concatenate([w, twists[..., 3:] + cross(w, point)], axis=-1)
-
-
 def cross(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the cross products of vectors (..., 3), much faster than numpy for few of them."""
+    """Return the cross products of ``left`` and ``right`` (..., 3), faster than numpy for few."""
     return np.asarray(
         left[..., _NEXT] * right[..., _AFTER] - left[..., _AFTER] * right[..., _NEXT]
     )
@@ -125,10 +102,10 @@ def rotation_vector(rotations: FloatArray) -> FloatArray:
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
     if trace.min(initial=3.0) < 1.0:
         return _rotation_vector_by_quaternion(r, trace)
-    # Up to a right angle the antisymmetric part says it all.
+    # Up to a right angle the antisymmetric part determines the rotation.
     axis = 0.5 * (r[..., _AFTER, _NEXT] - r[..., _NEXT, _AFTER])
     sine = np.sqrt(np.einsum('...i,...i->...', axis, axis))
-    small = sine < 1e-9
+    small = sine < NO_ANGLE
     angle = np.arctan2(sine, 0.5 * (trace - 1.0))
     factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
     return np.asarray(factor[..., None] * axis)
@@ -151,16 +128,28 @@ def _rotation_vector_by_quaternion(r: FloatArray, trace: FloatArray) -> FloatArr
     quaternion = np.where(quaternion[..., :1] < 0.0, -quaternion, quaternion)
     sine = np.linalg.norm(quaternion[..., 1:], axis=-1)
     half = np.arctan2(sine, quaternion[..., 0])
-    factor = np.where(sine < 1e-12, 2.0, 2.0 * half / np.where(sine < 1e-12, 1.0, sine))
+    factor = np.where(sine < NO_ANGLE, 2.0, 2.0 * half / np.where(sine < NO_ANGLE, 1.0, sine))
     return np.asarray(factor[..., None] * quaternion[..., 1:])
 
 
+def rotation_vector_rates(vector: FloatArray) -> FloatArray:
+    """Return what turns an angular velocity into the rate of a rotation vector, (3, 3).
+
+    The inverse of the left Jacobian at the rotation ``vector`` (3,), shorter than 2 pi.
+    """
+    angle, hat = float(np.linalg.norm(vector)), skew(vector)
+    if angle < SERIES_ANGLE:
+        factor = 1.0 / 12.0 + angle**2 / 720.0
+    else:
+        factor = (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / angle**2
+    return np.asarray(np.eye(3) - 0.5 * hat + factor * hat @ hat)
+
+
 def difference(target: FloatArray, poses: FloatArray) -> FloatArray:
-    """Return the small displacements (..., 6) from ``poses`` to ``target``.
+    """Return the displacements (..., 6) from ``poses`` to ``target``, both (..., 4, 4).
 
     ``[w; v]`` in base axes: the rotation vector of ``R_target R^T`` and the distance of the two
-    origins. To first order the twist that brings ``poses`` onto ``target`` in unit time, taken
-    at the origin of the moving frame.
+    origins. To first order the twist, at the moving origin, that brings one onto the other.
     """
     rotation = target[..., :3, :3] @ np.swapaxes(poses[..., :3, :3], -1, -2)
     translation = np.broadcast_to(target[..., :3, 3] - poses[..., :3, 3], (*rotation.shape[:-1],))
@@ -168,48 +157,16 @@ def difference(target: FloatArray, poses: FloatArray) -> FloatArray:
 
 
 def displaced(pose: FloatArray, displacement: FloatArray) -> FloatArray:
-    """Return ``pose`` (..., 4, 4) moved by ``displacement`` (..., 6): inverse of `difference`."""
+    """Return ``pose`` (..., 4, 4) moved by ``displacement`` (..., 6): inverse of `difference`.
+
+    The rotation is made orthonormal again: rounding errors must not add up in warm starts.
+    """
     result = np.array(pose)
     rotation = np.zeros_like(displacement)
     rotation[..., :3] = displacement[..., :3]
-    result[..., :3, :3] = exponential(rotation)[..., :3, :3] @ pose[..., :3, :3]
+    turned = exponential(rotation)[..., :3, :3] @ pose[..., :3, :3]
+    # One Newton step towards the nearest orthonormal matrix.
+    gram = np.swapaxes(turned, -1, -2) @ turned
+    result[..., :3, :3] = turned @ (1.5 * np.eye(3) - 0.5 * gram)
     result[..., :3, 3] += displacement[..., 3:]
-    return result
-
-
-def displaced_by(pose: FloatArray, twist: FloatArray, length: float) -> FloatArray:
-    """Return one ``pose`` (4, 4) moved by a small scaled displacement (6,): as `displaced`.
-
-    On single numbers numpy is slower than Python. The rotation is made orthonormal again: poses
-    that follow from one another for hours must not wear out.
-
-    Parameters
-    ----------
-    pose : (4, 4) array
-    twist : (6,) array
-        A displacement, its rotation times ``length``.
-    length : float
-        The characteristic length.
-    """
-    a, b, c, *shift = twist.tolist()
-    x, y, z = a / length, b / length, c / length
-    squared = x * x + y * y + z * z
-    angle = sqrt(squared)
-    if angle < _SERIES_ANGLE:
-        sine, cosine = 1.0 - squared / 6.0 + squared**2 / 120.0, 0.5 - squared / 24.0
-    else:
-        sine, cosine = sin(angle) / angle, 2.0 * (sin(0.5 * angle) / angle) ** 2
-    xy, yz, zx = cosine * x * y, cosine * y * z, cosine * z * x
-    u, v, w = sine * x, sine * y, sine * z
-    turn = np.array((
-        (1.0 - cosine * (y * y + z * z), xy - w, zx + v),
-        (xy + w, 1.0 - cosine * (z * z + x * x), yz - u),
-        (zx - v, yz + u, 1.0 - cosine * (x * x + y * y)),
-    ))
-    rotation = turn.dot(pose[:3, :3])
-    # One step towards the nearest orthonormal matrix, from which it differs by rounding.
-    rotation = rotation.dot(1.5 * _EYE - 0.5 * rotation.T.dot(rotation))
-    result = pose.copy()
-    result[:3, :3] = rotation
-    result[:3, 3] += shift
     return result

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from fault_tolerance.errors import MechanismError
-from fault_tolerance.mechanism.arrays import IntArray
+from fault_tolerance.mechanism.arrays import IntArray, frozen
 
 COORDINATES = ('wx', 'wy', 'wz', 'vx', 'vy', 'vz')
 """Names of the components of a platform twist, in their order."""
@@ -19,18 +19,12 @@ COORDINATES = ('wx', 'wy', 'wz', 'vx', 'vy', 'vz')
 
 @dataclass(frozen=True)
 class Task:
-    """What the platform is for.
-
-    Attributes
-    ----------
-    coordinates : tuple of str
-        The l task coordinates, a selection of `COORDINATES`, in the user's order.
-    major : tuple of str
-        Those that must be kept (major degrees of freedom); the others are secondary.
-    """
+    """What the platform is for."""
 
     coordinates: tuple[str, ...]
+    """The l task coordinates, a selection of `COORDINATES`, in the user's order."""
     major: tuple[str, ...] = ()
+    """Those that must be kept (major degrees of freedom); the others are secondary."""
 
     def __post_init__(self) -> None:
         """Check the names; by default every coordinate is major."""
@@ -52,7 +46,8 @@ class Task:
     @cached_property
     def rows(self) -> IntArray:
         """The rows (l,) of a platform twist that the task consists of."""
-        return np.array([COORDINATES.index(name) for name in self.coordinates], dtype=np.intp)
+        places = [COORDINATES.index(name) for name in self.coordinates]
+        return frozen(np.array(places, dtype=np.intp))
 
     @cached_property
     def major_rows(self) -> IntArray:
@@ -67,9 +62,8 @@ class Task:
     @property
     def by_priority(self) -> tuple[str, ...]:
         """The task coordinates, major ones first."""
-        rows = [*self.major_rows, *self.secondary_rows]
-        return tuple(self.coordinates[row] for row in rows)
+        return tuple(self.coordinates[i] for i in (*self.major_rows, *self.secondary_rows))
 
     def _rows_where(self, *, major: bool) -> IntArray:
         chosen = [i for i, name in enumerate(self.coordinates) if (name in self.major) is major]
-        return np.array(chosen, dtype=np.intp)
+        return frozen(np.array(chosen, dtype=np.intp))

@@ -11,24 +11,23 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.linear_algebra import singular_values
 from fault_tolerance.tolerances import RANK_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
 class WorkingPoint:
-    """The differential kinematics of a mechanism of which nothing else is known.
-
-    Attributes
-    ----------
-    jacobian : (l, n) array
-        Task velocity per unit reduced rate, rows in the task's order.
-    mapping : (N, n) array
-        Actuator rates per unit reduced rate; its columns are independent, and made orthonormal
-        here (together with the jacobian, so that ``v = J T^+ q'`` is unchanged).
-    """
+    """The differential kinematics of a mechanism of which nothing else is known."""
 
     jacobian: FloatArray
+    """(l, n): task velocity per unit reduced rate, rows in the task's order."""
     mapping: FloatArray
+    """(N, n): actuator rates per unit reduced rate; its columns are independent, and made
+    orthonormal here (together with the jacobian, so that ``v = J T^+ q'`` is unchanged)."""
+
+    def __repr__(self) -> str:
+        (task, mobility), count = self.jacobian.shape, len(self.mapping)
+        return f'WorkingPoint(J {task} x {mobility}, T {count} x {mobility})'
 
     def __post_init__(self) -> None:
         """Check that the two belong together, and orthonormalise the columns."""
@@ -42,10 +41,9 @@ class WorkingPoint:
             raise MechanismError('working point', 'mapping', reason)
         gram = mapping.T @ mapping
         if not np.allclose(gram, np.eye(len(gram)), rtol=0.0, atol=1e-14):
-            sigma = np.linalg.svd(mapping, compute_uv=False)
+            sigma = singular_values(mapping)
             if sigma.min(initial=np.inf) <= RANK_TOLERANCE * sigma.max(initial=0.0):
-                reason = 'has dependent columns'
-                raise MechanismError('working point', 'mapping', reason)
+                raise MechanismError('working point', 'mapping', 'has dependent columns')
             basis, triangle = np.linalg.qr(mapping)
             jacobian = np.linalg.solve(triangle.T, jacobian.T).T
             mapping = basis

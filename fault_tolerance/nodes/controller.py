@@ -3,254 +3,180 @@
 
 """The node ``fault_tolerance``: joint states, task velocity and failure reports in, rates out.
 
-A command follows every joint state, and every failure report that changes anything, inside the
-callback that received it; no timer is in the path, and nothing is told before the command has
-gone out. All computation is the `Supervisor`'s; what can wait is done when no message is waiting.
+Every joint state, and every failure report that changes anything, is answered by a command within
+the callback that received it. No timer is in that path. The `Supervisor` computes; state, log and
+metrics are published after the command (`fault_tolerance.nodes.spinning.Deferred`).
 """
 
 from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
 import time
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import TwistStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 
-from fault_tolerance.compiled.activation import activate
-from fault_tolerance.control.notices import Notice
-from fault_tolerance.control.recovery import State
+from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.nodes.commanding import CommandPublisher
+from fault_tolerance.nodes.command_publisher import CommandPublisher
 from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
-from fault_tolerance.nodes.idle import IdleTime, Job
-from fault_tolerance.nodes.inputs import InputReader
+from fault_tolerance.nodes.input_subscriber import InputSubscriber
+from fault_tolerance.nodes.kernel_startup import KernelStartup
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
 from fault_tolerance.nodes.parameters import declared_values, settings_from
-from fault_tolerance.nodes.publishing import MetricsPublisher
-from fault_tolerance.nodes.report_reader import ReportReader
-from fault_tolerance.nodes.scheduling import scheduled_real_time
+from fault_tolerance.nodes.report_subscriber import Batch, ReportSubscriber
+from fault_tolerance.nodes.scheduling import set_realtime_priority
 from fault_tolerance.nodes.services import OperatorServices
-from fault_tolerance.nodes.spinning import run
-from fault_tolerance.nodes.telling import Teller
+from fault_tolerance.nodes.spinning import Deferred, run
+from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
 
 NAME = 'fault_tolerance'
 WATCHDOG_PERIOD = 0.01
-"""Seconds; what does not arrive is noticed this much after its timeout at the latest."""
-
 METRICS_PERIOD = 0.2
-COLLECTION_PERIOD = 5.0
-"""Seconds between two collections of garbage, made in idle time if there is any."""
+COLLECTION_PERIOD = 5.0  # of garbage
+LATE = 3.0 * WATCHDOG_PERIOD  # after which messages may be pending unread
+STALL = 0.15  # between two watchdog ticks: counted
 
-LATE = 3.0 * WATCHDOG_PERIOD
-"""Seconds between two watchdog periods after which messages may be waiting unread."""
-
-STALL = 0.15
-"""Seconds between two watchdog periods that count as a stall."""
-
-# One may wait while another is worked on; older ones are of no use.
-_NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 _LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
 
 
 class Controller(Node):
-    """The shell around a `Supervisor`.
+    """ROS interface of a `Supervisor`.
 
     Parameters
     ----------
-    remark : str, optional
-        Something to tell at the start.
+    startup : KernelStartup
+        Gives the kernel that computes commands.
     """
 
-    def __init__(self, remark: str = '') -> None:
+    def __init__(self, startup: KernelStartup) -> None:
         super().__init__(NAME)
         values = declared_values(self, CONTROLLER, _settings)
-        mechanism = mechanism_named(values['mechanism'])
-        self._supervisor = Supervisor(mechanism, _settings(values))
-        self._stepped = False
-        self._line = TimeLine(self.get_clock())
-        self._ticked = self._line.now()
-        self._excused = False
-
+        mechanism, frame = mechanism_named(values['mechanism']), values['base_frame']
         prefix = values['hardware_id_prefix'].strip('/') or self.get_namespace().strip('/')
-        identity = f'{prefix}/{NAME}' if prefix else NAME
-        self._health = Health(self, self._line, 'controller', identity, self._present)
-        self._inputs = InputReader(mechanism, values['base_frame'], self._line, self._health)
-        self._reader = ReportReader(mechanism, prefix, self._line, self._health)
-        self._commands = CommandPublisher(
-            self, mechanism, values['base_frame'], self._line
+        self.deferred = Deferred()
+        self._supervisor = supervisor = Supervisor(
+            mechanism, _settings(values), startup.kernel
         )
-        metrics = MetricsPublisher(self, mechanism, prefix)
-        self._teller = Teller(self, self._supervisor, metrics)
-        self._anticipating = Job(self._supervisor.anticipate)
-        self._collecting = Job(_collect)
-        self.idle = IdleTime(
-            self._teller.changes, self._teller.measures, self._anticipating, self._collecting
+        self._timeline = timeline = TimeLine(self.get_clock())
+        self._stepped = self._excused = False
+        self._ticked = self._metrics_due = self._collection_due = timeline.now()
+        self._health = Health(self, timeline, 'controller', prefix, self._own_status)
+        self._commands = CommandPublisher(self, mechanism, frame, timeline)
+        self._status = StatusPublisher(self, supervisor, prefix, self.deferred)
+        shared = timeline, self._health
+        self._inputs = InputSubscriber(self, supervisor, frame, *shared, self._cycle)
+        self._reports = ReportSubscriber(
+            self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
         )
-        self._joint_states = self.create_subscription(
-            JointState, 'joint_states', self._on_joint_state, _NEWEST
-        )
-        self._velocities = self.create_subscription(
-            TwistStamped, '~/task_velocity', self._on_task_velocity, 10
-        )
-        self.create_subscription(
-            DiagnosticArray, values['diagnostics_topic'], self._on_diagnostics, 100, raw=True
-        )
-        self._operating = OperatorServices(self, self._supervisor, self._line, self._on_operated)
+        OperatorServices(self, supervisor, timeline, self._on_operator_request)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
-        self.create_timer(METRICS_PERIOD, self._on_metrics_due, clock=steady)
-        self.create_timer(COLLECTION_PERIOD, self._on_collection_due, clock=steady)
-        self._line.call_on_jump(self._on_jump)
-        self._health.remark(_real_time_notice(values['realtime_priority']))
-        if remark:
-            self.get_logger().info(remark)
+        timeline.call_on_jump(self._on_clock_jump)
+        self._health.warn(set_realtime_priority(values['realtime_priority']))
+        self._startup = startup
+        if startup.remark:
+            self.get_logger().warning(startup.remark)
 
-    def farewell(self) -> None:
-        """Bring the drives to rest."""
-        self._commands.rest()
+    def _cycle(self, now: float) -> None:
+        """Compute and publish one command."""
+        output = self._supervisor.step(now)
+        self._commands.publish(output.command.rates, output.command.twist)
+        # Yield: the subscriber may be queued on this CPU.
+        os.sched_yield()
+        self._stepped = True
+        for notice in self._supervisor.watch():
+            self._health.warn(notice)
+        self._publish_later(output, now)
 
-    def _on_joint_state(self, message: JointState) -> None:
-        now = self._line.now()
-        self.idle.activity += 1
-        taken = self._inputs.joint_values(message, self._supervisor.failures.lost)
-        if taken is None:
-            return
-        notice = self._supervisor.joint_reading(taken.values, now, taken.stamp)
-        if notice is None:
+    def _publish_later(self, output: Output, now: float) -> None:
+        """Defer what must not delay a command.
+
+        Periodic work starts right after a command, when most of the period is still ahead.
+        """
+        self._status.update(output)
+        if now >= self._metrics_due:
+            self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
+            self.deferred.add(self._status.publish_metrics)
+        if now >= self._collection_due:
+            self._collection_due = now + COLLECTION_PERIOD
+            self.deferred.add(gc.collect)
+
+    def _on_reports(self, batch: Batch) -> None:
+        now = self._timeline.now()
+        update = self._supervisor.reports(batch.reports, now)
+        if update.changed:
             self._cycle(now)
-            self.idle.regular_message(now)
-            self._anticipating.due = True
-        self._health.remark(notice)
+            self._status.report_stamp = batch.stamp
+            self._health.count('reconfigurations')
+        for notice in update.notices:
+            self._health.warn(notice)
+        if update.changed or any(not notice.rejected for notice in update.notices):
+            self._reports.forget_repeats()
 
-    def _on_task_velocity(self, message: TwistStamped) -> None:
-        self.idle.activity += 1
-        taken = self._inputs.task_velocity(message)
-        if taken is not None:
-            notice = self._supervisor.task_velocity(taken.values, self._line.now(), taken.stamp)
-            self._health.remark(notice)
+    def _on_operator_request(self) -> None:
+        self._reports.forget_repeats()
+        if not self._supervisor.failures:
+            self._health.resolve('latched')
+        self._cycle(self._timeline.now())
 
-    def _on_diagnostics(self, raw: bytes) -> None:
-        self.idle.activity += 1
-        self._reader.put(raw)
-        self._read_reports()
-
-    def _read_reports(self) -> None:
-        for batch in self._reader.batches():
-            now = self._line.now()
-            update = self._supervisor.reports(batch.reports, now)
-            if update.changed:
-                self._cycle(now)
-                self._teller.report_stamp = batch.stamp
-                self._health.count(f'failures_{self._supervisor.assessed_by}')
-            for notice in update.notices:
-                self._health.remark(notice)
-            if update.changed or any(not notice.rejected for notice in update.notices):
-                self._reader.forget_repeats()
-
-    def _on_jump(self, now: float) -> None:
+    def _on_clock_jump(self, now: float) -> None:
         self._supervisor.forget_times(now)
         self._cycle(now)
 
     def _on_watchdog(self) -> None:
-        self.idle.activity += 1
-        now = self._line.now()
-        late = now - self._ticked
+        """Stop the drives when inputs cease. Only joint states and reports start motion."""
+        now = self._timeline.now()
+        late, self._ticked = now - self._ticked, now
         if late > STALL:
             self._health.count('stalls')
-        self._ticked = now
-        self._read_reports()
-        # Being late itself, it does not know what is late: what has come meanwhile is read first.
+        kernel = self._startup.take()
+        if kernel is not None:
+            self._supervisor.kernel = kernel
+            gc.freeze()  # what numba has brought need not be looked through at every collection
+            tell = self.get_logger().warning if kernel.reason else self.get_logger().info
+            tell(f'kernel: {kernel.reason or "compiled"}')
+        self._reports.read()
+        # After a late tick, read pending messages before declaring inputs stale.
         self._excused = late > LATE and not self._excused
-        # With joint states coming there is nothing to do; without, it may be time to stop. To
-        # set anything moving is not the business of a timer.
         if not (self._stepped or self._excused):
             output = self._supervisor.step(now)
             if self._commands.moving and not output.rates.any():
-                self._commands.send(output.rates, output.achieved)
-            self._teller.note(output)
+                self._commands.publish(output.rates, output.achieved)
+            self._publish_later(output, now)
         self._stepped = False
-        self._teller.no_longer_wait()
 
-    def _cycle(self, now: float) -> None:
-        """Compute and send a command; what has changed is told when no message is waiting."""
-        command = self._supervisor.command(now)
-        self._commands.send(command.rates, command.achieved)
-        # Who hears it may have been woken on this processor, and waits until it is free.
-        os.sched_yield()
-        output = self._supervisor.settled()
-        if output.rates is not command.rates:
-            self._commands.send(output.rates, output.achieved)
-        self._stepped = True
-        self._teller.note(output)
-        for notice in output.notices:
-            self._health.remark(notice)
-
-    def _on_metrics_due(self) -> None:
-        self.idle.activity += 1
-        self._teller.next_metrics()
-        self._commands.look_for_listeners()
-
-    def _on_collection_due(self) -> None:
-        self.idle.activity += 1
-        if self._collecting.due:
-            self._collecting.do()
-        self._collecting.due = True
-
-    def _present(self) -> tuple[int, str]:
-        """Return level and text of the node's own status."""
+    def _own_status(self) -> tuple[int, str]:
+        """Return level and text of the node's own diagnostic status."""
+        self._inputs.check_publishers()
         state = self._supervisor.output.state
-        if self.count_publishers(self._velocities.topic_name) > 1:
-            text = 'several nodes publish task velocities: the last one wins'
-            self._health.warn_once('several_commanders', text)
         if state is not State.WAITING:
             return _LEVELS.get(state, WARN), state.value
-        topic = self._joint_states.topic_name
-        count = self.count_publishers(topic)
-        text = f'no joint state yet on {topic} ({count} publishers; any reliability will do)'
-        if not self._teller.discovering:
+        text = self._inputs.missing_joint_states()
+        if not self._status.discovering:
             self._health.warn_once('waiting', text)
         return WARN, text
 
-    def _on_operated(self) -> None:
-        self._reader.forget_repeats()
-        if not self._supervisor.failures:
-            self._health.settle('latched')
-        self._cycle(self._line.now())
+    def on_shutdown(self) -> None:
+        """Stop the drives."""
+        self._commands.stop()
+        self._startup.end()
 
 
 def _settings(values: dict[str, Any]) -> Settings:
     return Settings(**settings_from(Settings, values), clock=time.perf_counter)
 
 
-def _collect() -> bool:
-    gc.collect()
-    return False
-
-
-def _real_time_notice(priority: int) -> Notice | None:
-    """Ask for real-time scheduling; return the warning that it was not granted, if so."""
-    refused = scheduled_real_time(priority)
-    return Notice('real_time', refused, rejected=False) if refused else None
-
-
 def main(args: list[str] | None = None) -> int:
-    """Run the node; return the exit code."""
-    try:
-        slowly = activate(lambda text: print(f'{NAME}: {text}', file=sys.stderr, flush=True))
-    except KeyboardInterrupt:
-        return 128 + signal.SIGINT
-    return run(NAME, lambda: Controller(slowly), args)
+    """Run the node with command line ``args``; return the exit code of the process."""
+    return run(NAME, lambda: Controller(KernelStartup()), args)
 
 
 if __name__ == '__main__':

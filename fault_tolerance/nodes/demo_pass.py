@@ -1,12 +1,12 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One pass of the demonstration through its phases: break, look, mend."""
+"""One pass of the demonstration through its phases: inject, observe, repair."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from time import monotonic
 
 from rclpy.executors import Executor
@@ -17,17 +17,17 @@ from fault_tolerance.analysis.live_view import LiveView
 from fault_tolerance.analysis.phases import LISTENING, Note, Phase, note_as_text
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.nodes.demo_operator import Deadline, Operator
+from fault_tolerance.nodes.controller_monitor import REFRESH_PERIOD, ControllerMonitor
+from fault_tolerance.nodes.operator_client import OperatorClient
 from fault_tolerance.nodes.processes import NodeProcesses
-from fault_tolerance.nodes.watching import REFRESH_PERIOD, Watcher
 
 PERIOD = 1.0
 SETTLING = 1.0
 PERIODS = 3
-"""The circle takes 1 s; after a failure the error counts from 1 s on, over three turns."""
+"""The circle takes 1 s; the error is evaluated from 1 s after a failure, over three turns."""
 
 START_UP = 1.2
-"""Seconds for the mirror to get from rest back to the circle."""
+"""Seconds from rest to steady tracking of the circle."""
 
 _START_PATIENCE = 30.0
 _PATIENCE = 8.0
@@ -35,40 +35,30 @@ _STEP = 0.05
 
 
 class DemoPass:
-    """One pass through all phases, with the nodes running.
+    """One pass through all phases, with the ``nodes`` running.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    operator : Operator
-    executor : Executor
-        Spins the operator.
-    nodes : NodeProcesses
-    console : Console
-        Where it tells what happens.
+    ``executor`` spins the ``operator``; ``console`` gets progress and results.
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        operator: Operator,
-        executor: Executor,
-        nodes: NodeProcesses,
-        console: Console,
+        self, mechanism: Mechanism, operator: OperatorClient, executor: Executor,
+        nodes: NodeProcesses, console: Console,
     ) -> None:
         self._mechanism = mechanism
         self._operator = operator
         self._executor = executor
         self._nodes = nodes
         self._console = console
-        self._watcher = Watcher(operator, mechanism)
+        self._monitor = ControllerMonitor(operator, mechanism)
         self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
         self._shown = 0.0
 
     def go_through(self, phases: Sequence[Phase]) -> None:
-        """Go through ``phases``, mending everything in between."""
-        view: AbstractContextManager[object] = self._live or nullcontext()
-        with view:
+        """Run the ``phases``, and repair all faults between two of them.
+
+        Raises `FaultToleranceError` if a node exits or does not answer.
+        """
+        with self._live or nullcontext():
             operator = self._operator
             self._wait(
                 lambda: operator.ready and operator.is_recorded, 'the nodes', _START_PATIENCE
@@ -93,23 +83,23 @@ class DemoPass:
         self._pass(SETTLING + PERIODS * PERIOD)
         operator.note('')
         self._pass(_STEP)
-        error = self._watcher.snapshot().rms_error
+        error = self._monitor.snapshot().rms_error
         words = '' if error is None else f'; pointing error {1e6 * error:.1f} urad rms of late'
         self._console.print(f'    {operator.state}{words}')
 
     def _mend(self) -> None:
-        """Mend everything with the mirror at rest, as one would.
+        """Repair all faults with the mirror at rest.
 
-        A mended drive gets no rate until its failure is cleared: in motion it would be in the
-        way of the others.
+        A repaired drive gets rate 0 until its failure is cleared: in motion it would block the
+        others.
         """
         operator = self._operator
         self._wait(operator.pause(True), 'an answer', _PATIENCE)
         operator.inject('ok all')
-        # The drives' report that they are well may come after the first request.
-        deadline = Deadline(_PATIENCE)
+        # The drives' reports of health may arrive after the first request.
+        deadline = monotonic() + _PATIENCE
         while operator.active_failures != 0:
-            if deadline.passed:
+            if monotonic() > deadline:
                 raise FaultToleranceError('the failures could not be cleared')
             self._wait(operator.clear(), 'an answer', _PATIENCE)
             self._pass(2.0 * _STEP)
@@ -118,7 +108,7 @@ class DemoPass:
         self._pass(START_UP)
 
     def _wait_for_state(self, state: str) -> None:
-        # What the controller decides is for the summary to judge: go on if it differs.
+        # The summary judges the controller's decision: go on if it is another one.
         self._wait(lambda: self._operator.state == state, state, _PATIENCE, missing=True)
 
     def _pass(self, duration: float) -> None:
@@ -126,25 +116,20 @@ class DemoPass:
         self._wait(lambda: self._operator.now >= end, 'joint states', duration + _PATIENCE)
 
     def _wait(
-        self,
-        condition: Callable[[], bool],
-        what: str,
-        patience: float,
-        *,
-        missing: bool = False,
+        self, condition: Callable[[], bool], what: str, patience: float, *, missing: bool = False
     ) -> None:
-        deadline = Deadline(patience)
+        deadline = monotonic() + patience
         while not condition():
             self._nodes.check()
-            if deadline.passed:
+            if monotonic() > deadline:
                 if missing:
                     return
-                raise FaultToleranceError(f'waited {patience:g} s for {what} in vain')
+                raise FaultToleranceError(f'no answer within {patience:g} s from {what}')
             self._executor.spin_once(timeout_sec=_STEP)
             self._refresh()
 
     def _refresh(self) -> None:
-        """Paint the live view anew now and then, where there is a terminal."""
+        """Refresh the live view periodically, on a terminal."""
         if self._live is not None and monotonic() - self._shown >= REFRESH_PERIOD:
-            self._live.update(LiveView(self._watcher.snapshot()), refresh=True)
+            self._live.update(LiveView(self._monitor.snapshot()), refresh=True)
             self._shown = monotonic()

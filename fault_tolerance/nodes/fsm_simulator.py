@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node ``fsm``: a simulated fast steering mirror with its drives, which can be broken."""
+"""The node ``fsm``: a simulated fast steering mirror whose drives can fail."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from std_msgs.msg import Float64MultiArray
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.fault_injection import FAULTS, FaultInjection
 from fault_tolerance.nodes.health import OK, Health
-from fault_tolerance.nodes.injection import FAULTS, FaultInjection
 from fault_tolerance.nodes.markers import MarkerPublisher
 from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
 from fault_tolerance.nodes.parameter_tables import SIMULATOR
@@ -27,37 +27,30 @@ from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
 from fault_tolerance.simulation.engines import plant_named
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.state import LONGEST_STEP
 
 NAME = 'fsm'
 
 
 class FsmSimulator(Node):
-    """The shell around a simulated mechanism."""
+    """ROS interface of a simulated mechanism."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
         values = declared_values(self, SIMULATOR, _settings, (FAULTS,))
         mechanism = mechanism_named(values['mechanism'])
         self._mechanism = mechanism
-        self._plant = plant_named(
-            values['engine'], mechanism, _settings(values), values['seed']
-        )
+        self._plant = plant_named(values['engine'], mechanism, _settings(values), values['seed'])
         self._frame = values['base_frame']
         self._period = 1.0 / values['rate']
         namespace = self.get_namespace().strip('/')
-        identity = f'{namespace}/{NAME}' if namespace else NAME
-        line = TimeLine(self.get_clock())
-        self._health = Health(self, line, 'simulator', identity, lambda: (OK, 'running'))
-
-        self._joint_states = self.create_publisher(
-            JointState, 'joint_states', qos_profile_sensor_data
-        )
-        self._poses = self.create_publisher(PoseStamped, '~/mirror_pose', qos_profile_sensor_data)
-        self._twists = self.create_publisher(
-            TwistStamped, '~/mirror_velocity', qos_profile_sensor_data
-        )
+        timeline = TimeLine(self.get_clock())
+        self._health = Health(self, timeline, 'simulator', namespace, lambda: (OK, 'running'))
+        sensor = qos_profile_sensor_data
+        self._joint_states = self.create_publisher(JointState, 'joint_states', sensor)
+        self._poses = self.create_publisher(PoseStamped, '~/mirror_pose', sensor)
+        self._twists = self.create_publisher(TwistStamped, '~/mirror_velocity', sensor)
         self._markers = MarkerPublisher(
             self, self._plant, self._frame, values['marker_exaggeration']
         )
@@ -75,15 +68,15 @@ class FsmSimulator(Node):
         count = len(self._mechanism.actuators)
         if len(rates) != count:
             text = f'command with {len(rates)} rates for {count} actuators: ignored'
-            self._health.remark(Notice('length', text))
+            self._health.warn(Notice('length', text))
             return
         try:
             self._plant.command(self._mechanism.rates_from_readings(rates))
         except ArrayError as error:
-            self._health.remark(Notice('not_finite', f'{error}: ignored'))
+            self._health.warn(Notice('not_finite', f'{error}: ignored'))
 
     def _advance(self) -> None:
-        """Let the time pass that has passed, and publish what there is to see."""
+        """Advance the plant to the present, and publish its state."""
         now = self.get_clock().now()
         dt = (now - self._last).nanoseconds * 1e-9
         self._last = now
@@ -91,15 +84,12 @@ class FsmSimulator(Node):
             self._health.count('late_cycles')
         state = self._plant.step(min(max(dt, 0.0), LONGEST_STEP))
         stamp, mechanism = now.to_msg(), self._mechanism
-        self._joint_states.publish(
-            joint_state_to_msg(
-                stamp,
-                mechanism.joint_state_names,
-                mechanism.readings_from_values(state.measured_values),
-                mechanism.rates_from_readings(state.rates),
-                mechanism.rates_from_readings(state.efforts),
-            )
-        )
+        self._joint_states.publish(joint_state_to_msg(
+            stamp, mechanism.joint_state_names,
+            mechanism.readings_from_values(state.measured_values),
+            mechanism.rates_from_readings(state.rates),
+            mechanism.rates_from_readings(state.efforts),
+        ))
         self._poses.publish(pose_to_msg(stamp, self._frame, state.pose))
         self._twists.publish(twist_to_msg(stamp, self._frame, state.twist))
         self._markers.show(stamp)
@@ -110,7 +100,7 @@ def _settings(values: dict[str, Any]) -> PlantSettings:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node; return the exit code."""
+    """Run the node with command line ``args``; return the exit code of the process."""
     return run(NAME, FsmSimulator, args)
 
 

@@ -1,11 +1,11 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages from plain values and plain values from messages; nothing else touches their fields.
+"""Conversion between messages and plain values; no other module sets the fields of messages.
 
-Generated message classes check field types only on request and otherwise write whatever they are
-given into memory: a numpy bool arrives as False, an int in a double as 1e-324. So everything is
-a Python float, string, or array('d') before it gets here into a field.
+Generated message classes check field types only on request. Otherwise they write any object into
+memory: a numpy bool arrives as False, an int in a double as 1e-324. So every value is converted to
+a Python float, string or array('d') before it is assigned to a field.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3Stamped
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
@@ -27,23 +27,15 @@ from fault_tolerance.mechanism.arrays import FloatArray
 FAILURE_MODE_KEY = 'failure_mode'
 """The key that makes a diagnostic status a failure report."""
 
-FARTHEST = 1e6
-"""Metres; no platform is farther away."""
+MAX_POSITION = 1e6
+"""Metres; a pose farther away is rejected."""
 
 UNIT_TOLERANCE = 0.01
-"""By how much the length of a quaternion may differ from 1: rounded ones still pass."""
-
-_LEVELS = (
-    DiagnosticStatus.OK,
-    DiagnosticStatus.WARN,
-    DiagnosticStatus.ERROR,
-    DiagnosticStatus.STALE,
-)
-_NANOSECONDS = 1_000_000_000
+"""Largest error of the norm of a quaternion: rounded ones pass."""
 
 
 class StatusMode(NamedTuple):
-    """A failure mode in a diagnostic status, and what else a failure report is made of."""
+    """A failure mode in a diagnostic status, with the other fields of a failure report."""
 
     name: str
     hardware_id: str
@@ -52,40 +44,38 @@ class StatusMode(NamedTuple):
 
 
 def nanoseconds_from_msg(stamp: Time) -> int:
-    """Return a stamp in nanoseconds, whatever its fields hold."""
-    return stamp.sec * _NANOSECONDS + stamp.nanosec
+    """Return a stamp in nanoseconds; its fields may have any value."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
 def twist_from_msg(message: TwistStamped) -> FloatArray:
-    """Return ``[w; v]`` (6,)."""
+    """Return the twist ``[w; v]`` (6,) in a ``message``."""
     angular, linear = message.twist.angular, message.twist.linear
     return np.array([angular.x, angular.y, angular.z, linear.x, linear.y, linear.z])
 
 
 def twist_to_msg(stamp: Time, frame: str, twist: FloatArray) -> TwistStamped:
-    """Return the message for a twist ``[w; v]`` (6,)."""
+    """Return the message for a ``twist`` ``[w; v]`` (6,), with its ``stamp`` and ``frame``."""
     message = TwistStamped(header=Header(stamp=stamp, frame_id=frame))
-    fill_twist(message.twist, twist)
+    angular, linear = message.twist.angular, message.twist.linear
+    angular.x, angular.y, angular.z, linear.x, linear.y, linear.z = twist.tolist()
     return message
 
 
-def fill_twist(message: Twist, twist: FloatArray) -> None:
-    """Write a twist ``[w; v]`` (6,) into a message."""
-    angular, linear = message.angular, message.linear
-    angular.x, angular.y, angular.z, linear.x, linear.y, linear.z = twist.tolist()
-
-
 def pose_from_msg(message: PoseStamped) -> FloatArray:
-    """Return the pose (4, 4); ValueError for one that is none."""
+    """Return the pose in a ``message`` as a homogeneous transform (4, 4), metres.
+
+    Raises ValueError if a number is not finite, the position too far away, or the norm of the
+    quaternion not 1.
+    """
     position, turn = message.pose.position, message.pose.orientation
     quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
     pose = np.eye(4)
     pose[:3, 3] = position.x, position.y, position.z
     if not (np.isfinite(pose).all() and np.isfinite(quaternion).all()):
         raise ValueError('the pose is not finite')
-    # Squares of such numbers would lose their meaning.
-    if (np.abs(pose) > FARTHEST).any():
-        raise ValueError(f'the position is more than {FARTHEST:g} m away')
+    if (np.abs(pose) > MAX_POSITION).any():
+        raise ValueError(f'the position is more than {MAX_POSITION:g} m away')
     if abs(np.linalg.norm(np.clip(quaternion, -2.0, 2.0)) - 1.0) > UNIT_TOLERANCE:
         raise ValueError('the norm of the quaternion is not 1')
     pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
@@ -93,7 +83,7 @@ def pose_from_msg(message: PoseStamped) -> FloatArray:
 
 
 def pose_to_msg(stamp: Time, frame: str, pose: FloatArray) -> PoseStamped:
-    """Return the message for a pose (4, 4)."""
+    """Return the message for a ``pose`` (4, 4), with its ``stamp`` and ``frame``."""
     message = PoseStamped(header=Header(stamp=stamp, frame_id=frame))
     position, turn = message.pose.position, message.pose.orientation
     position.x, position.y, position.z = pose[:3, 3].tolist()
@@ -104,23 +94,22 @@ def pose_to_msg(stamp: Time, frame: str, pose: FloatArray) -> PoseStamped:
 
 
 def vector_to_msg(stamp: Time, frame: str, vector: FloatArray) -> Vector3Stamped:
-    """Return the message for a vector (3,)."""
+    """Return the message for a ``vector`` (3,), with its ``stamp`` and ``frame``."""
     message = Vector3Stamped(header=Header(stamp=stamp, frame_id=frame))
     message.vector.x, message.vector.y, message.vector.z = vector.tolist()
     return message
 
 
 def joint_state_to_msg(
-    stamp: Time,
-    names: Sequence[str],
-    positions: FloatArray,
-    velocities: FloatArray,
-    efforts: FloatArray,
+    stamp: Time, names: Sequence[str],
+    positions: FloatArray, velocities: FloatArray, efforts: FloatArray,
 ) -> JointState:
-    """Return the message for N joints, in the order of their names."""
+    """Return the message for N joints.
+
+    ``stamp``, ``names``, and in their order ``positions``, ``velocities``, ``efforts`` (N,).
+    """
     return JointState(
-        header=Header(stamp=stamp),
-        name=list(names),
+        header=Header(stamp=stamp), name=list(names),
         position=array('d', positions.tolist()),
         velocity=array('d', velocities.tolist()),
         effort=array('d', efforts.tolist()),
@@ -128,41 +117,34 @@ def joint_state_to_msg(
 
 
 def array_to_msg(values: FloatArray) -> Float64MultiArray:
-    """Return the message for numbers whose order is agreed upon."""
+    """Return the message for ``values`` (k,) without labels: the subscriber knows their order."""
     return Float64MultiArray(data=array('d', values.tolist()))
 
 
 def labelled_array_to_msg(values: Mapping[str, float]) -> Float64MultiArray:
-    """Return the message for numbers with a label each: one dimension of size 1 for every one."""
+    """Return the message for ``values`` by label: one dimension of size 1 for each."""
     message = Float64MultiArray(data=array('d', values.values()))
     message.layout.dim = [MultiArrayDimension(label=name, size=1, stride=1) for name in values]
     return message
 
 
 def status_to_msg(
-    name: str,
-    hardware_id: str,
-    level: int,
-    text: str,
-    values: Mapping[str, str],
+    name: str, hardware_id: str, level: int, text: str, values: Mapping[str, str]
 ) -> DiagnosticStatus:
-    """Return a diagnostic status; ``level`` from 0 (OK) to 3 (STALE)."""
+    """Return the status ``name`` of ``hardware_id``, with ``level``, ``text`` and ``values``."""
     return DiagnosticStatus(
-        level=_LEVELS[level],
-        name=name,
-        message=text,
-        hardware_id=hardware_id,
+        level=bytes([level]), name=name, message=text, hardware_id=hardware_id,
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
 
 
 def diagnostics_to_msg(stamp: Time, statuses: Iterable[DiagnosticStatus]) -> DiagnosticArray:
-    """Return the message for diagnostic statuses."""
+    """Return the message for diagnostic ``statuses`` with its ``stamp``."""
     return DiagnosticArray(header=Header(stamp=stamp), status=list(statuses))
 
 
 def modes_from_msg(message: DiagnosticArray) -> Iterator[StatusMode]:
-    """Yield the failure modes in all statuses (where one has several, all of them)."""
+    """Yield every failure mode in every status of a ``message``."""
     for status in message.status:
         for pair in status.values:
             if pair.key == FAILURE_MODE_KEY:
@@ -171,7 +153,7 @@ def modes_from_msg(message: DiagnosticArray) -> Iterator[StatusMode]:
 
 
 def decimal(value: float) -> str:
-    """Return a number as people read it: nine digits, no exponent."""
+    """Return ``value`` as text with nine significant digits and no exponent."""
     if abs(value) < 1e-15:
         return '0'
     return np.format_float_positional(value, precision=9, fractional=False, trim='-')

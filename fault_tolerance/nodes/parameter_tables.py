@@ -5,94 +5,77 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi
+from typing import Any
 
 from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.simulation.engines import ENGINES
+from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.reference import REFERENCE_KINDS
-from fault_tolerance.simulation.settings import PlantSettings
 
 _MECHANISM = Parameter(
     'mechanism', 'mirror_4_strut', 'a shipped mechanism by name, or the path of a mechanism file'
 )
 _BASE_FRAME = Parameter('base_frame', 'base_link', 'frame_id of poses and velocities')
-_SHORTEST, _LONGEST = 1e-3, 60.0
+_TIMES = (1e-3, 60.0)
+_live = partial(Parameter, read_only=False)
+
+
+def _fields(settings: type, **rows: tuple[Any, ...]) -> tuple[Parameter, ...]:
+    """Return parameters with the defaults of ``settings``, and what follows in their ``rows``."""
+    return tuple(Parameter(name, getattr(settings, name), *row) for name, row in rows.items())
+
 
 CONTROLLER = (
     _MECHANISM,
     _BASE_FRAME,
-    Parameter('diagnostics_topic', '/diagnostics', 'where failures are reported'),
+    Parameter('diagnostics_topic', '/diagnostics', 'topic of the failure reports'),
     Parameter(
         'hardware_id_prefix', '',
         'prefix of the hardware ids in reports on this robot; empty: the namespace of the node, '
         'or any prefix in the root namespace',
     ),
-    Parameter(
-        'joint_state_timeout', Settings.joint_state_timeout,
-        'hold when there has been no usable joint state for so long, in real time',
-        's', (_SHORTEST, _LONGEST),
-    ),
-    Parameter(
-        'command_timeout', Settings.command_timeout,
-        'rest when there has been no task velocity for so long, in real time',
-        's', (_SHORTEST, _LONGEST),
-    ),
-    Parameter(
-        'report_timeout', Settings.report_timeout,
-        'a failure reported within this time is still reported and cannot be cleared',
-        's', (_SHORTEST, 3600.0),
-    ),
-    Parameter(
-        'tolerance_threshold', Settings.tolerance_threshold,
-        'a measure of the failures present below this counts as intolerable', '', (0.0, 1.0),
-    ),
-    Parameter(
-        'auto_clear', Settings.auto_clear,
-        'release a failure when its source reports none; otherwise only ~/clear_failures does',
-    ),
-    Parameter(
-        'unknown_mode', Settings.unknown_mode,
-        'what an unknown failure mode of a known part at level ERROR leads to',
-        choices=('stop', 'ignore'),
-    ),
-    Parameter(
-        'recovery', Settings.recovery,
-        'false: command as if nothing had failed, for comparison only',
-    ),
-    Parameter(
-        'anticipate', Settings.anticipate,
-        'work out in idle time what each next failure comes to, so that a report need not wait',
-    ),
-    Parameter(
-        'stroke_gain', Settings.stroke_gain,
-        'rate allowed near an end of the stroke, per distance left', '1/s', (1e-3, 1e4),
-    ),
-    Parameter(
-        'slow_below', Settings.slow_below,
-        'margin to a singularity below which everything slows down', '', (1e-9, 0.999),
-    ),
-    Parameter(
-        'hold_below', Settings.hold_below,
-        'margin to a singularity below which it holds; less than slow_below', '', (1e-9, 0.999),
-    ),
-    Parameter(
-        'max_acceleration', Settings.max_acceleration,
-        'how fast all rates together may change at a failure, a clearing or a resumption, '
-        'turning drives at the characteristic length; 1e9: at once',
-        'm/s^2', (1e-6, 1e9),
-    ),
-    Parameter(
-        'misfit_limit', Settings.misfit_limit,
-        'hold when redundant joint readings contradict each other by more than this share of '
-        'the characteristic length',
-        '', (1e-9, 1e9),
+    *_fields(
+        Settings,
+        joint_state_timeout=(
+            'hold if no usable joint state arrives for this long, in real time', 's', _TIMES),
+        command_timeout=(
+            'stop the drives if no task velocity arrives for this long, in real time',
+            's', _TIMES),
+        report_timeout=(
+            'a failure whose last report is younger counts as reported and cannot be cleared',
+            's', (1e-3, 3600.0)),
+        tolerance_threshold=(
+            'present failures with a measure below this are intolerable', '', (0.0, 1.0)),
+        auto_clear=(
+            'release a failure when its source reports none; otherwise only ~/clear_failures does',
+        ),
+        unknown_mode=(
+            'reaction to an unknown failure mode of a known part at level ERROR',
+            '', None, ('stop', 'ignore')),
+        recovery=('false: ignore failures in the commands, for comparison only',),
+        stroke_gain=(
+            'maximum rate near an end of the stroke, per distance left', '1/s', (1e-3, 1e4)),
+        slow_below=(
+            'margin to a singularity below which all rates are scaled down', '', (1e-9, 0.999)),
+        hold_below=(
+            'margin to a singularity below which it holds; less than slow_below',
+            '', (1e-9, 0.999)),
+        max_acceleration=(
+            'limit on the change of all rates together at a failure, a clearing or a resumption, '
+            'rotary drives at the characteristic length; 1e9: none',
+            'm/s^2', (1e-6, 1e9)),
+        misfit_limit=(
+            'hold if redundant joint readings disagree by more than this share of '
+            'the characteristic length',
+            '', (1e-9, 1e9)),
     ),
     Parameter(
         'realtime_priority', 0,
-        'priority under SCHED_FIFO, where the system grants it; 0: ordinary scheduling',
-        '', (0, 99),
+        'SCHED_FIFO priority, if the system grants it; 0: default scheduling', '', (0, 99),
     ),
 )
 
@@ -101,110 +84,74 @@ SIMULATOR = (
     _BASE_FRAME,
     Parameter(
         'engine', ENGINES[0],
-        'what simulates it: elastic is built in; mujoco, with inertia and gravity, is a package',
+        'simulation engine; mujoco models inertia and gravity, and is an optional package',
         choices=ENGINES,
     ),
     Parameter('rate', 100.0, 'cycles per second', 'Hz', (1.0, 2000.0)),
     Parameter('seed', 0, 'seed of the sensor noise', '', (0, 2**31 - 1)),
-    Parameter('enable_fault_injection', True, 'whether ~/inject_fault and faults.* do anything'),
-    Parameter(
-        'actuator_stiffness', PlantSettings.actuator_stiffness,
-        'of every actuator about its setpoint; about an axis times Lc^2', 'N/m', (1.0, 1e12),
+    Parameter('enable_fault_injection', True, 'accept faults on ~/inject_fault and faults.*'),
+    *_fields(
+        PlantSettings,
+        actuator_stiffness=(
+            'stiffness of each actuator about its setpoint; rotary: times Lc^2',
+            'N/m', (1.0, 1e12)),
+        structure_stiffness=(
+            "stiffness of each strut's attachment along its joints", 'N/m', (1.0, 1e12)),
+        flexure_stiffness=('stiffness of each strut across its joints', 'N/m', (1.0, 1e12)),
+        platform_damping=(
+            'damping of the platform: an unactuated direction drifts at disturbance over damping',
+            'N s/m', (1e-6, 1e9)),
+        joint_damping=('damping of each joint that no drive holds', 'N s/m', (1e-6, 1e9)),
+        disturbance=(
+            'constant load on the platform: three moments over Lc, then three forces, base axes',
+            'N', (-1e6, 1e6)),
+        servo_time_constant=('first-order lag of the drives', 's', (0.0, 10.0)),
+        unlimited_rate=(
+            'maximum rate of actuators without a velocity limit: rad/s, or Lc per second',
+            '', (1e-6, 1e6)),
+        encoder_noise=(
+            'standard deviation of measured positions; times 1/Lc for radians', 'm', (0.0, 1.0)),
+        command_timeout=('the drives stop if no command arrives for this long', 's', _TIMES),
+        engagement_time=(
+            'time constant with which a repaired part takes up its load', 's', (1e-6, 60.0)),
     ),
     Parameter(
-        'structure_stiffness', PlantSettings.structure_stiffness,
-        "of each strut's hold on the platform where its joints move it", 'N/m', (1.0, 1e12),
-    ),
-    Parameter(
-        'flexure_stiffness', PlantSettings.flexure_stiffness,
-        'the same where its joints bar it', 'N/m', (1.0, 1e12),
-    ),
-    Parameter(
-        'platform_damping', PlantSettings.platform_damping,
-        'an unactuated direction drifts at disturbance over damping', 'N s/m', (1e-6, 1e9),
-    ),
-    Parameter(
-        'joint_damping', PlantSettings.joint_damping,
-        'of every joint that no drive holds', 'N s/m', (1e-6, 1e9),
-    ),
-    Parameter(
-        'disturbance', PlantSettings.disturbance,
-        'constant load on the platform: three moments over Lc, then three forces, base axes',
-        'N', (-1e6, 1e6),
-    ),
-    Parameter(
-        'servo_time_constant', PlantSettings.servo_time_constant,
-        'first-order lag of the drives', 's', (0.0, 10.0),
-    ),
-    Parameter(
-        'unlimited_rate', PlantSettings.unlimited_rate,
-        'largest rate of actuators without a limit of their own: rad/s, or Lc a second',
-        '', (1e-6, 1e6),
-    ),
-    Parameter(
-        'encoder_noise', PlantSettings.encoder_noise,
-        'standard deviation of measured positions; times 1/Lc for radians', 'm', (0.0, 1.0),
-    ),
-    Parameter(
-        'command_timeout', PlantSettings.command_timeout,
-        'the drives stop when commands cease for so long', 's', (_SHORTEST, _LONGEST),
-    ),
-    Parameter(
-        'engagement_time', PlantSettings.engagement_time,
-        'time constant with which a mended part takes up its load', 's', (1e-6, _LONGEST),
-    ),
-    Parameter(
-        'marker_exaggeration', 100.0, 'how many times as large ~/markers shows motions', '',
-        (1.0, 1e6),
+        'marker_exaggeration', 100.0, 'magnification of motions in ~/markers', '', (1.0, 1e6)
     ),
 )
 
 POINTING = (
     _MECHANISM,
     _BASE_FRAME,
-    Parameter(
-        'kind', 'circle', 'where the mirror is to point', choices=REFERENCE_KINDS, read_only=False
+    _live('kind', 'circle', 'shape of the reference', choices=REFERENCE_KINDS),
+    _live('amplitude', 1e-3, 'amplitude about x (circle: radius)', 'rad', (-1.0, 1.0)),
+    _live(
+        'aspect', 1.0, 'ratio of the amplitudes about y and x (not for a circle)', '', (-1e3, 1e3)
     ),
-    Parameter(
-        'amplitude', 1e-3, 'half the size of the figure about x (a circle: its radius)',
-        'rad', (-1.0, 1.0), read_only=False,
+    _live(
+        'frequency', 1.0, 'turns, pairs of fast lines, or periods about x per second',
+        'Hz', (-100.0, 100.0),
     ),
-    Parameter(
-        'aspect', 1.0, 'amplitude about y over that about x (not for a circle)',
-        '', (-1e3, 1e3), read_only=False,
+    _live(
+        'frequency_ratio', 2.0 / 3.0, 'lissajous: ratio of the frequencies about y and x',
+        '', (-1e3, 1e3),
     ),
-    Parameter(
-        'frequency', 1.0, 'turns, fast lines to and fro, or swings about x per second',
-        'Hz', (-100.0, 100.0), read_only=False,
+    _live('phase', pi / 2.0, 'lissajous: lead of x', 'rad', (-2.0 * pi, 2.0 * pi)),
+    _live('lines', 8, 'raster: lines from bottom to top', '', (1, 10_000)),
+    _live(
+        'start', 0.0, 'time on the reference at start-up; a step is at time 0',
+        's', (-3600.0, 3600.0),
     ),
-    Parameter(
-        'frequency_ratio', 2.0 / 3.0, 'lissajous: frequency about y over that about x',
-        '', (-1e3, 1e3), read_only=False,
-    ),
-    Parameter(
-        'phase', pi / 2.0, 'lissajous: lead of x', 'rad', (-2.0 * pi, 2.0 * pi), read_only=False
-    ),
-    Parameter('lines', 8, 'raster: lines from bottom to top', '', (1, 10_000), read_only=False),
-    Parameter(
-        'start', 0.0, 'time on the figure at which the node starts; a step happens at time 0',
-        's', (-3600.0, 3600.0), read_only=False,
-    ),
-    Parameter(
-        'gain', PointingLoop.gain, 'feedback of the pointing error', '1/s', (0.0, 1e3),
-        read_only=False,
-    ),
-    Parameter(
+    _live('gain', PointingLoop.gain, 'feedback of the pointing error', '1/s', (0.0, 1e3)),
+    _live(
         'piston_gain', PointingLoop.piston_gain,
-        'feedback that draws the platform back to its height at home: secondary, given up first',
-        '1/s', (0.0, 1e3), read_only=False,
+        'feedback of the height at home: a secondary task', '1/s', (0.0, 1e3),
     ),
-    Parameter(
-        'feedforward', True, "whether the reference's rate is fed forward", read_only=False
-    ),
-    Parameter(
+    _live('feedforward', True, 'feed the rate of the reference forward'),
+    _live(
         'lead', 0.016,
-        'how far ahead the feedforward is taken: 1.5 cycles of the simulator, from a pose to the '
-        'middle of the cycle in which the command it leads to acts, plus the lag of the drives',
-        's', (-1.0, 1.0), read_only=False,
+        'lead of the feedforward: 1.5 simulator cycles (from a pose to the middle of the cycle in '
+        'which its command acts) plus the lag of the drives',
+        's', (-1.0, 1.0),
     ),
 )

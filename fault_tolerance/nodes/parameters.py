@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of nodes as data: declared, checked and described from one table."""
+"""Node parameters as data: one table declares, checks and describes them."""
 
 from __future__ import annotations
 
@@ -23,20 +23,14 @@ from fault_tolerance.errors import FaultToleranceError
 
 Value = bool | int | float | str | tuple[float, ...]
 Check = Callable[[dict[str, Any]], object]
-"""Called with values to be; raises `FaultToleranceError` or ValueError if they do not fit."""
+"""Validates values before they are set; raises `FaultToleranceError` or ValueError."""
 
 # Declared by rclpy itself, or on demand.
 _ELSEWHERE = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 
 
 class ParameterError(FaultToleranceError, ValueError):
-    """A parameter has a value that cannot be used.
-
-    Attributes
-    ----------
-    name : str
-    reason : str
-    """
+    """The value of the parameter ``name`` is invalid, for a ``reason``."""
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f'parameter {name}: {reason}')
@@ -53,14 +47,13 @@ class Parameter:
     name : str
     default : bool, int, float, str or tuple of float
         Gives the type as well.
-    description : str
-    unit : str
+    description, unit : str
     bounds : tuple of two numbers, optional
         Lowest and highest value of a number, or of each number in a tuple.
     choices : tuple of str
         Allowed words; empty: any.
     read_only : bool
-        Whether it is fixed once the node runs.
+        Whether it cannot be set while the node runs.
     """
 
     name: str
@@ -73,7 +66,7 @@ class Parameter:
 
     @property
     def descriptor(self) -> ParameterDescriptor:
-        """What ``ros2 param describe`` shows."""
+        """The descriptor that ``ros2 param describe`` shows."""
         unit = f' [{self.unit}]' if self.unit else ''
         descriptor = ParameterDescriptor(
             description=f'{self.description}{unit}',
@@ -89,7 +82,10 @@ class Parameter:
         return descriptor
 
     def checked(self, value: object) -> Value:
-        """Return a value as the type it is to have; `ParameterError` if it does not fit."""
+        """Return ``value``, of the type of the default.
+
+        Raises `ParameterError` if type, bounds or choices are violated.
+        """
         if isinstance(self.default, tuple):
             return self._checked_numbers(value)
         if type(value) is not type(self.default):
@@ -122,8 +118,8 @@ class Parameter:
 
 
 def given_values(node: Node) -> dict[str, Any]:
-    """Return the values that the command line and parameter files give, unchecked."""
-    # rclpy tells the values of declared parameters only, and complains in other words than ours.
+    """Return the overrides of the parameters of ``node`` before they are declared or validated."""
+    # rclpy has no public access to overrides of undeclared parameters.
     overrides = getattr(node, '_parameter_overrides', {})
     return {name: parameter.value for name, parameter in overrides.items()}
 
@@ -134,28 +130,18 @@ def declared_values(
     check: Check | None = None,
     elsewhere: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Declare the parameters of ``table``; return their values, as checked.
+    """Declare the parameters in a ``table`` on ``node``; return their values by name.
 
-    Parameters
-    ----------
-    node : Node
-    table : sequence of Parameter
-    check : callable, optional
-        Checks them together, now and whenever one is to be set.
-    elsewhere : tuple of str
-        Beginnings of names that are declared elsewhere.
-
-    Raises
-    ------
-    ParameterError, rclpy.exceptions.ParameterException
-        For a value that does not fit; names the parameter.
+    ``check`` validates all values together, now and before each later change. Names that begin
+    with a word of ``elsewhere`` are declared elsewhere. Raises `ParameterError`, or an exception
+    of rclpy, that names the parameter whose value is invalid.
     """
     known = {entry.name: entry for entry in table}
     for name, value in given_values(node).items():
         if name in known:
             known[name].checked(value)
         elif not name.startswith((*_ELSEWHERE, *elsewhere)):
-            # A file for all nodes may hold parameters of others, so this is no error.
+            # Not an error: a file for all nodes may hold parameters of others.
             node.get_logger().warning(f'unknown parameter {name}: ignored')
     values = {
         entry.name: entry.checked(
@@ -182,6 +168,6 @@ def declared_values(
 
 
 def settings_from(kind: type, values: dict[str, Any]) -> dict[str, Any]:
-    """Return those of ``values`` that are attributes of the dataclass ``kind``."""
+    """Return the ``values`` by name that are fields of the dataclass ``kind``."""
     names = kind.__dataclass_fields__  # type: ignore[attr-defined]
     return {name: value for name, value in values.items() if name in names}

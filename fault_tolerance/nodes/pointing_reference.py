@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node ``pointing``: keeps a mirror on a moving reference, through the controller."""
+"""The node ``pointing``: closes the pointing loop around a moving reference."""
 
 from __future__ import annotations
 
@@ -35,12 +35,11 @@ NAME = 'pointing'
 
 
 class PointingReference(Node):
-    """The shell around a `PointingLoop` and a reference.
+    """ROS interface of a `PointingLoop` and a reference.
 
-    On every pose of the mirror it asks for the rate of the reference, some time ahead, plus the
-    pointing error times a gain, and draws the mirror back to its height at home. For people and
-    recorders, reference and pointing error go out as rotation vectors on ``~/reference`` and
-    ``~/error``, with the stamp of the pose.
+    Each mirror pose is answered by a task velocity: feedforward of the reference rate, feedback
+    of the pointing error, and of the height at home. Reference and pointing error are published
+    as rotation vectors on ``~/reference`` and ``~/error`` with the stamp of the pose.
     """
 
     def __init__(self) -> None:
@@ -55,13 +54,10 @@ class PointingReference(Node):
         self._started: int | None = None
         self._set_up()
         self.add_post_set_parameters_callback(self._on_have_set)
-        line = TimeLine(self.get_clock())
+        timeline = TimeLine(self.get_clock())
         namespace = self.get_namespace().strip('/')
-        identity = f'{namespace}/{NAME}' if namespace else NAME
-        self._health = Health(self, line, 'reference', identity, self._present)
-        self._velocities = self.create_publisher(
-            TwistStamped, 'fault_tolerance/task_velocity', 10
-        )
+        self._health = Health(self, timeline, 'reference', namespace, self._present)
+        self._velocities = self.create_publisher(TwistStamped, 'fault_tolerance/task_velocity', 10)
         self._references = self.create_publisher(Vector3Stamped, '~/reference', 10)
         self._errors = self.create_publisher(Vector3Stamped, '~/error', 10)
         self.create_subscription(
@@ -80,7 +76,7 @@ class PointingReference(Node):
         try:
             pose = pose_from_msg(message)
         except ValueError as error:
-            self._health.remark(Notice('pose', f'mirror pose ignored: {error}'))
+            self._health.warn(Notice('pose', f'mirror pose ignored: {error}'))
             return
         now = self.get_clock().now()
         stamp = nanoseconds_from_msg(message.header.stamp) or now.nanoseconds
@@ -103,7 +99,7 @@ class PointingReference(Node):
 
 
 def _reference(values: dict[str, Any]) -> Reference:
-    """Return the reference that the parameters describe."""
+    """Return the reference for the values of the parameters."""
     kind, size, frequency = values['kind'], values['amplitude'], values['frequency']
     if kind == 'circle':
         return reference(kind, amplitude=size, frequency=frequency)
@@ -117,7 +113,7 @@ def _reference(values: dict[str, Any]) -> Reference:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node; return the exit code."""
+    """Run the node with command line ``args``; return the exit code of the process."""
     return run(NAME, PointingReference, args)
 
 

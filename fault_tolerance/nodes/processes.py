@@ -1,33 +1,26 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The three nodes as processes, started together and ended together."""
+"""The three nodes as child processes."""
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
 from collections.abc import Mapping
-from types import TracebackType
 
 from fault_tolerance.errors import FaultToleranceError
 
-# A node leaves within 2 s of SIGINT; what has not by then is in trouble.
+# A node exits within 2 s of SIGINT; one that takes longer is killed.
 _PATIENCE = 5.0
 
 
 class NodeProcesses:
     """The controller, the simulator and the pointing reference, each a process of its own.
 
-    Parameters
-    ----------
-    parameters : mapping of str to mapping
-        Parameters by the node's module name (``controller``, ``fsm_simulator``,
-        ``pointing_reference``).
-    namespace : str
-        Of all three.
+    ``parameters`` are by module name of the node (``controller``, ``fsm_simulator``,
+    ``pointing_reference``). All three are in one ``namespace``.
     """
 
     def __init__(
@@ -45,25 +38,18 @@ class NodeProcesses:
             for name, value in values.items():
                 text = str(value).lower() if isinstance(value, bool) else str(value)
                 command += ['-p', f'{name}:={text}']
-            # A group of its own: Ctrl-C in the terminal reaches only the one who cleans up.
-            self._processes[module] = subprocess.Popen(
-                command, env=dict(os.environ), start_new_session=True
-            )
+            # A process group of its own: Ctrl-C in the terminal reaches only the parent.
+            self._processes[module] = subprocess.Popen(command, start_new_session=True)
         return self
 
     def check(self) -> None:
-        """Raise `FaultToleranceError` if one of them has ended."""
+        """Raise `FaultToleranceError` if one of the processes has exited."""
         for module, process in self._processes.items():
             if process.poll() is not None:
                 raise FaultToleranceError(f'{module} ended with exit code {process.returncode}')
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """End them, the last one started first."""
+    def __exit__(self, *_: object) -> None:
+        """Interrupt them in reverse order, and wait until they have exited."""
         running = list(reversed(self._processes.values()))
         for process in running:
             if process.poll() is None:

@@ -1,15 +1,14 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The failure modes in a serialised DiagnosticArray, read where they stand.
+"""The failure modes in a serialised DiagnosticArray, decoded without message objects.
 
-A command waits for this. To make message objects of everything takes several times as long as to
-read the few strings that matter; what is not laid out as expected here is left to the middleware.
-Between two failures everything else has run, so this is never in the processor's caches: here it
-is the number of different things done that counts, not how often.
+The first command after a failure waits for this. Building message objects of all strings takes
+several times as long as reading the few that matter (docs/performance.md has the ratio).
+Messages in another layout than this one are left to the middleware.
 
-The layout is that of the OMG's CDR (DDS-XTypes 1.3, 7.4.1, encoding 1): numbers at multiples of
-their size, strings with their length before and a zero at the end.
+The layout is plain CDR, version 1 (OMG DDS-XTypes 1.3, 7.4.1): numbers aligned to their size,
+strings with their length before them and a zero at the end.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ _KEY = FAILURE_MODE_KEY.encode()
 
 
 class StampedModes(NamedTuple):
-    """The failure modes in a message, each as in `StatusMode`, and its stamp."""
+    """The failure modes in a message, each with the fields of `StatusMode`, and its stamp."""
 
     sec: int
     nanosec: int
@@ -35,7 +34,7 @@ class StampedModes(NamedTuple):
 
 
 def modes_in(raw: bytes) -> StampedModes | None:
-    """Return what a serialised message says of failures; None if it is not understood here."""
+    """Return the failure modes in a serialised DiagnosticArray ``raw``; None in another layout."""
     try:
         encapsulation, _, sec, nanosec = _HEAD.unpack_from(raw)
         if encapsulation != _LITTLE_ENDIAN:
@@ -58,13 +57,13 @@ def modes_in(raw: bytes) -> StampedModes | None:
 
 
 def _number(raw: bytes, at: int) -> tuple[int, int]:
-    """Return a number, and where it ends."""
+    """Return the number at or after offset ``at``, and the offset of its end."""
     at = (at + 3) & ~3
     return _COUNT.unpack_from(raw, at)[0], at + 4
 
 
 def _string(raw: bytes, at: int) -> tuple[bytes, int]:
-    """Return a string, and where it ends."""
+    """Return the string at or after offset ``at``, and the offset of its end."""
     at = (at + 3) & ~3
     end = at + 4 + _COUNT.unpack_from(raw, at)[0]
     if raw[end - 1]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an operator may ask of the controller: clear the failures, pause, go on."""
+"""The controller's services: clear failures, pause, resume."""
 
 from __future__ import annotations
 
@@ -17,32 +17,26 @@ from fault_tolerance.nodes.timeline import TimeLine
 class OperatorServices:
     """Offers ``~/clear_failures`` and ``~/pause``.
 
-    Parameters
-    ----------
-    node : Node
-    supervisor : Supervisor
-    line : TimeLine
-    done : callable
-        Called after either, before the answer goes out: commands and metrics follow at once.
+    ``done`` is called after either and before the response, to publish a command at once.
     """
 
     def __init__(
-        self, node: Node, supervisor: Supervisor, line: TimeLine, done: Callable[[], None]
+        self, node: Node, supervisor: Supervisor, timeline: TimeLine, done: Callable[[], None]
     ) -> None:
         self._supervisor = supervisor
-        self._line = line
+        self._timeline = timeline
         self._done = done
         node.create_service(Trigger, '~/clear_failures', self._clear)
         node.create_service(SetBool, '~/pause', self._pause)
 
     def _clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        outcome = self._supervisor.clear(self._line.now())
+        outcome = self._supervisor.clear(self._timeline.now())
         self._done()
         response.success, response.message = outcome.success, outcome.message
         return response
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._supervisor.pause(request.data, self._line.now())
+        self._supervisor.pause(request.data, self._timeline.now())
         self._done()
         response.success, response.message = True, self._supervisor.output.state.value
         return response

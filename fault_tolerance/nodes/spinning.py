@@ -1,15 +1,16 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the nodes run: set up, spin until a signal, say farewell, and leave with an exit code."""
+"""How nodes run: set up, spin until a signal, stop the drives, return an exit code."""
 
 from __future__ import annotations
 
 import gc
 import signal
 import sys
-from collections.abc import Callable
-from types import FrameType
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -19,66 +20,76 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from fault_tolerance.errors import FaultToleranceError
-from fault_tolerance.nodes.idle import IdleTime
+from fault_tolerance.nodes.scheduling import limit_blas_threads
 
 BAD_SET_UP = 2
 """Exit code of a node that could not be set up."""
 
-# Python runs signal handlers between callbacks; an idle node gets to it this often.
+# Python runs signal handlers between callbacks: an idle node sees a signal within this time.
 _PATIENCE = 0.1
 _SET_UP_ERRORS = (
-    FaultToleranceError,
-    ParameterException,
-    rclpy_implementation.RCLError,
-    ValueError,
-    OSError,
+    FaultToleranceError, ParameterException, rclpy_implementation.RCLError, ValueError, OSError,
 )
+_NodeType = TypeVar('_NodeType', bound=Node)
+
+
+class Deferred:
+    """Work that must not delay a command, in the order in which it was added.
+
+    The loop that spins a node with an attribute ``deferred`` runs it piece by piece: before each
+    piece one pending message is taken, so that neither starves the other.
+    """
+
+    def __init__(self) -> None:
+        self._work: dict[Callable[[], object], None] = {}
+
+    def __len__(self) -> int:
+        return len(self._work)
+
+    def add(self, work: Callable[[], object]) -> None:
+        """Queue ``work``, called without arguments, unless it is queued already."""
+        self._work[work] = None
+
+    def run_next(self) -> None:
+        """Run the oldest piece. A piece that raises is not repeated."""
+        work = next(iter(self._work))
+        del self._work[work]
+        work()
 
 
 def run(name: str, create: Callable[[], Node], args: list[str] | None = None) -> int:
-    """Run a node until SIGINT or SIGTERM; return the exit code of the process.
+    """Run the node that ``create`` returns until SIGINT or SIGTERM; return the exit code.
 
-    rclpy's own signal handlers close the context at once, after which nothing can be published
-    any more; so the handlers are ours, and a node may have a `farewell`.
-
-    Parameters
-    ----------
-    name : str
-        For the one line that tells why the node could not start.
-    create : callable
-        Returns the node.
-    args : list of str, optional
-        Command line; that of the process by default.
+    rclpy's signal handlers shut the context down at once, after which nothing can be published.
+    These handlers leave the loop instead; a node may have a method ``on_shutdown``. ``name``
+    begins the one line on standard error that says why the node could not start. ``args`` is the
+    command line; that of the process by default.
     """
-    leaving = []
-
-    def leave(number: int, _frame: FrameType | None) -> None:
-        leaving.append(number)
-
+    signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, leave)
+        signal.signal(number, lambda number, _: signals.append(number))
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rclpy's own, one for each kind of bad argument
-        return _refused(name, error)
+    except Exception as error:  # rclpy has one type for each kind of bad argument
+        return _refuse(name, error)
     node = None
     try:
         node = create()
+        limit_blas_threads()
         executor = make_executor()
         executor.add_node(node)
-        idle = getattr(node, 'idle', None)
-        # Garbage is collected in idle time where a node provides for it, and not in between.
         gc.collect()
         gc.freeze()
-        if idle is not None:
+        # A node with deferred work schedules its collections itself.
+        if hasattr(node, 'deferred'):
             gc.disable()
-        while not leaving and rclpy.ok():
-            turn(executor, node, idle)
-        if hasattr(node, 'farewell') and rclpy.ok():
-            node.farewell()
+        while not signals and rclpy.ok():
+            turn(executor, node)
+        if hasattr(node, 'on_shutdown') and rclpy.ok():
+            node.on_shutdown()
         executor.remove_node(node)
     except _SET_UP_ERRORS as error:
-        return _refused(name, error)
+        return _refuse(name, error)
     finally:
         gc.enable()
         if node is not None:
@@ -87,26 +98,49 @@ def run(name: str, create: Callable[[], Node], args: list[str] | None = None) ->
     return 0
 
 
-def turn(executor: Executor, node: Node, idle: IdleTime | None) -> None:
-    """Wait for a message and take it, or do what is due while none is waiting."""
+def turn(executor: Executor, node: Node) -> None:
+    """Wait for a message and take it; with deferred work pending, do a piece of it after that.
+
+    ``executor`` spins ``node``, which may have an attribute ``deferred``, a `Deferred`, and logs
+    exceptions of callbacks.
+    """
+    deferred = getattr(node, 'deferred', None)
     try:
-        if idle is None or idle.next_job() is None:
+        if not deferred:
             executor.spin_once(timeout_sec=_PATIENCE)
             return
-        activity = idle.activity
         executor.spin_once(timeout_sec=0.0)
-        if idle.activity == activity and (job := idle.next_job()) is not None:
-            job.do()
+        deferred.run_next()
     except ExternalShutdownException:
         pass
-    except Exception as error:  # a callback failed: that must not take the node down
+    except Exception as error:  # a failing callback must not end the node
         node.get_logger().error(
             f'a callback failed: {type(error).__name__}: {error}', throttle_duration_sec=1.0
         )
 
 
+@contextmanager
+def spun(create: Callable[[], _NodeType]) -> Iterator[tuple[_NodeType, Executor]]:
+    """Initialise ROS for an interactive tool, and shut it down at the end.
+
+    Yields the node that ``create`` returns, and the executor that spins it.
+    """
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node, executor = create(), make_executor()
+        limit_blas_threads()
+        executor.add_node(node)
+        try:
+            yield node, executor
+        finally:
+            executor.remove_node(node)
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
 def make_executor() -> Executor:
-    """Return the executor with the least overhead there is."""
+    """Return an EventsExecutor, which has the least overhead, else a SingleThreadedExecutor."""
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
@@ -114,6 +148,6 @@ def make_executor() -> Executor:
     return EventsExecutor()
 
 
-def _refused(name: str, error: Exception) -> int:
+def _refuse(name: str, error: Exception) -> int:
     print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
     return BAD_SET_UP

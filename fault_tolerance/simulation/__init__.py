@@ -1,4 +1,4 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated mechanism: an elastic plant that can be broken, and what it is to point at."""
+"""The simulated mechanism: an elastic plant that can be broken, and its references."""

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is the same in every simulated mechanism: its drives, its faults, what it shows.
+"""Common to all simulated mechanisms: drives, faults and sensors.
 
 An engine (`simulation.plant`, `simulation.mujoco`) adds how the parts move.
 """
@@ -20,32 +20,23 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.elastic import attached_values
 from fault_tolerance.simulation.faults import FaultCommand, FaultMode
 from fault_tolerance.simulation.linkage import Linkage
+from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.servos import BoolArray, Servos
-from fault_tolerance.simulation.settings import PlantSettings
 from fault_tolerance.simulation.state import LONGEST_STEP, PlantState
 
 
 class BreakablePlant(ABC):
-    """A mechanism without its mechanics: drives, faults, the mending of them, and sensors.
+    """A mechanism without its mechanics: drives, faults, their repair, and sensors.
 
     An actuator holds its joint with a stiffness at its setpoint plus its *slack*; a stuck one
-    keeps both, a free one holds nothing. Mending moves nothing: the drive starts at rest where
+    keeps both, a free one holds nothing. A repair moves nothing: the drive starts at rest where
     its joint is now (where it springs to once let go, if it was stuck), a strut is fastened where
     the platform is now. The strain this leaves is in the slack, and in how far the strut's end is
     off its place; both die away with `PlantSettings.engagement_time`.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With struts; any serial chains, any number of actuators in each.
-    settings : PlantSettings
-    rng : numpy.random.Generator or int
-        Source of the sensor noise, or the seed of one.
-
-    Raises
-    ------
-    MechanismError
-        If the mechanism is given by numbers only.
+    ``mechanism`` may have any serial chains as struts, with any number of actuators in each;
+    `MechanismError` if it is given by its Jacobian only. ``rng`` is the source of the sensor
+    noise, or the seed of one.
     """
 
     def __init__(
@@ -105,12 +96,9 @@ class BreakablePlant(ABC):
         return tuple(name for name, held in zip(names, self._attached, strict=True) if not held)
 
     def command(self, rates: ArrayLike) -> None:
-        """Take rates (N,) for the drives to follow, rad/s and m/s, until the next command.
+        """Take ``rates`` (N,) for the drives to follow, rad/s and m/s, until the next command.
 
-        Raises
-        ------
-        ArrayError
-            If there are not N of them or one is not finite; the last command then stands.
+        Raises `ArrayError` if there are not N of them or one is not finite; the last one stands.
         """
         self._command = frozen_array(rates, (len(self._modes),), 'command')
         self._command_age = 0.0
@@ -120,12 +108,9 @@ class BreakablePlant(ABC):
         self._rng = np.random.default_rng(rng)
 
     def apply(self, command: FaultCommand) -> None:
-        """Break or mend parts at once; the next step shows it.
+        """Break or repair parts at once as ``command`` says; the next step shows it.
 
-        Raises
-        ------
-        FailureError
-            If the mechanism has no such part; nothing is done then.
+        Raises `FailureError`, and does nothing, if the mechanism has no such part.
         """
         mode, mechanism = command.mode, self.mechanism
         actuators = () if mode == 'hard' else mechanism.actuator_names
@@ -150,10 +135,7 @@ class BreakablePlant(ABC):
     def step(self, dt: float) -> PlantState:
         """Let ``dt`` seconds pass and return the new state; 0 changes nothing.
 
-        Raises
-        ------
-        ArrayError
-            If ``dt`` is not a number from 0 to `LONGEST_STEP`.
+        Raises `ArrayError` if ``dt`` is not a number from 0 to `LONGEST_STEP`.
         """
         if not 0.0 <= dt <= LONGEST_STEP:
             raise ArrayError('dt', f'{dt} s is not between 0 and {LONGEST_STEP} s')
@@ -274,6 +256,7 @@ class BreakablePlant(ABC):
 
 def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
     """Return the rotation vector (3,) from one rotation (3, 3) to another, less than pi."""
+    # scipy's Rotation would take a sixth of the time of a step.
     turn = after @ before.T
     x, y, z = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
     sine = 0.5 * sqrt(x * x + y * y + z * z)

@@ -60,15 +60,20 @@ class Structure:
 
 
 def settled(
-    linkage: Linkage,
-    structure: Structure,
-    pose: FloatArray,
-    joint_values: FloatArray,
-    dt: float,
+    linkage: Linkage, structure: Structure, pose: FloatArray, joint_values: FloatArray, dt: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return pose (4, 4) and joint values (s, k) after ``dt`` seconds, dt > 0.
+    """Return pose (4, 4) and joint values (s, k) after a time; struts that are off keep theirs.
 
-    Struts that are off keep their joint values.
+    Parameters
+    ----------
+    linkage : Linkage
+    structure : Structure
+    pose : (4, 4) array
+        Of the platform, base axes, metres.
+    joint_values : (s, k) array
+        Radians and metres from home.
+    dt : float
+        Seconds, positive.
     """
     stiff = structure.strut_stiffness
     attached = stiff[:, :1, 0] > 0.0
@@ -115,15 +120,10 @@ def settled(
 
 
 def strut_stiffnesses(linkage: Linkage, along: float, across: float) -> FloatArray:
-    """Return what holds the struts' ends to the platform, (s, 6, 6), metric, base axes.
+    """Return what holds the struts' ends of ``linkage`` to the platform, (s, 6, 6), N/m, metric.
 
-    Parameters
-    ----------
-    linkage : Linkage
-    along : float
-        Stiffness in the directions in which the joints of the strut move its end at home, N/m.
-    across : float
-        Stiffness in those that the joints bar, where flexures give way, N/m.
+    The stiffness is ``along`` in the directions in which the joints of the strut move its end at
+    home, and ``across`` in those that the joints bar, where flexures give way; N/m.
     """
     motions = linkage.placement(np.zeros(linkage.real.shape)).motions
     movable = motions @ np.linalg.pinv(motions, rcond=1e-9)
@@ -133,7 +133,10 @@ def strut_stiffnesses(linkage: Linkage, along: float, across: float) -> FloatArr
 def attached_values(
     linkage: Linkage, strut: int, movable: FloatArray, pose: FloatArray, joint_values: FloatArray
 ) -> FloatArray:
-    """Return ``joint_values`` (s, k) with the end of one strut brought to the platform.
+    """Return joint values (s, k) with the end of one strut brought to the platform.
+
+    Least squares by Gauss-Newton, with the shortest step each time. A gap that the joints cannot
+    close is left open.
 
     Parameters
     ----------
@@ -145,12 +148,7 @@ def attached_values(
     pose : (4, 4) array
         Of the platform.
     joint_values : (s, k) array
-        Where to start.
-
-    Notes
-    -----
-    Least squares by Gauss-Newton with the shortest step each time; what the joints cannot close
-    is left open.
+        Where to start, radians and metres from home.
     """
     unit = movable * np.where(linkage.turning[strut], 1.0, linkage.length)
     joint_values = joint_values.copy()

@@ -11,7 +11,7 @@ from fault_tolerance.errors import EngineError
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.mujoco import MujocoPlant, library
 from fault_tolerance.simulation.plant import ElasticPlant
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.state import Plant
 
 _ENGINES: dict[str, type[ElasticPlant] | type[MujocoPlant]] = {
@@ -24,7 +24,7 @@ ENGINES = tuple(_ENGINES)
 
 
 def require_engine(engine: str) -> None:
-    """Raise `EngineError` if there is no such engine, or the package it needs is missing."""
+    """Raise `EngineError` if there is no such ``engine``, or the package it needs is missing."""
     if engine not in _ENGINES:
         raise EngineError(f'engine {engine!r} is not one of {", ".join(ENGINES)}')
     if engine == 'mujoco':
@@ -37,14 +37,11 @@ def plant_named(
     settings: PlantSettings | None = None,
     rng: np.random.Generator | int = 0,
 ) -> Plant:
-    """Return ``mechanism``, simulated by the engine named.
+    """Return ``mechanism``, simulated by the ``engine`` of that name in `ENGINES`.
 
-    Raises
-    ------
-    EngineError
-        If there is no such engine, or the package it needs is missing.
-    MechanismError
-        If the mechanism is given by numbers only.
+    ``rng`` is the source, or the seed, of the sensor noise; ``settings`` are `PlantSettings`.
+    Raises `EngineError` as `require_engine` does, and `MechanismError` for a mechanism that is
+    given by its Jacobian only.
     """
     require_engine(engine)
     return _ENGINES[engine](mechanism, settings, rng)

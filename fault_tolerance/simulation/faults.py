@@ -18,9 +18,7 @@ from fault_tolerance.mechanism.failure_modes import mode_from_word, mode_words
 
 FaultMode = Literal['position', 'torque', 'hard', 'none']
 
-FAULT_WORDS: dict[str, FaultMode] = {
-    word: mode_from_word(word).value for word in mode_words()
-}
+FAULT_WORDS: dict[str, FaultMode] = {word: mode_from_word(word).value for word in mode_words()}
 """Every word for a mode of failure (or for none), and the mode it means."""
 
 SILENT = 'silent'
@@ -30,17 +28,16 @@ _SHOWN_CHARACTERS = 40
 
 @dataclass(frozen=True)
 class FaultCommand:
-    """One order to break or mend parts of the simulated mechanism.
+    """One order to break or repair parts of the simulated mechanism.
 
     Attributes
     ----------
     mode : {'position', 'torque', 'hard', 'none'}
-        What to do to them; 'none' mends.
+        What to do to them; 'none' repairs.
     targets : tuple of str
-        Names of what it is done to: actuators for 'position' and 'torque', struts for 'hard',
-        both for 'none'.
+        Actuators for 'position' and 'torque', struts for 'hard', both for 'none'.
     silent : bool
-        Whether the drives keep it to themselves.
+        Whether the drives do not report it.
     """
 
     mode: FaultMode
@@ -50,16 +47,11 @@ class FaultCommand:
 
 @dataclass(frozen=True)
 class FaultBook:
-    """What the simulated drives report.
+    """What the simulated drives report: ``reports`` holds pairs of name and mode, oldest first.
 
-    A drive reports a fault that is not silent, and reports 'none' once such a fault is mended.
-    It knows nothing of silent faults, neither when they come nor when they go.
-
-    Attributes
-    ----------
-    reports : tuple of (str, str)
-        Name of an actuator or strut, and the mode reported for it, in the order in which they
-        were first reported. Unmentioned: never reported anything.
+    A drive reports a fault that is not silent, and reports 'none' once such a fault is repaired.
+    It knows nothing of silent faults, neither when they come nor when they go. A name that is
+    missing in ``reports`` has never reported anything.
     """
 
     reports: tuple[tuple[str, FaultMode], ...] = ()
@@ -75,17 +67,14 @@ class FaultBook:
 
 
 def fault_command(mechanism: Mechanism, text: str) -> FaultCommand:
-    """Return what ``text`` orders for ``mechanism``.
+    """Return what ``text``, ``[silent] MODE NAME`` or ``[silent] NAME MODE``, orders.
 
     `position` and `torque` of a strut mean all its actuators, `hard` of an actuator means its
-    strut; `ok` of an actuator mends the actuator and re-attaches its strut, `ok` of a strut
-    mends the strut and all actuators in it.
+    strut; `ok` of an actuator repairs the actuator and re-attaches its strut, `ok` of a strut
+    repairs the strut and all actuators in it.
 
-    Raises
-    ------
-    FailureError
-        If the text does not follow the grammar, a word is unknown, or the mechanism has no such
-        part; it lists the words that would do.
+    Raises `FailureError`, which lists the valid words, if the text does not follow the grammar,
+    a word is unknown, or ``mechanism`` has no such part.
     """
     mode, name, silent = fault_words(text, _names(mechanism))
     return FaultCommand(mode, _targets(mechanism, mode, name), silent)
@@ -94,16 +83,8 @@ def fault_command(mechanism: Mechanism, text: str) -> FaultCommand:
 def fault_words(text: str, names: tuple[str, ...] = ()) -> tuple[FaultMode, str, bool]:
     """Return mode, name, and whether it is silent, of a fault command for any mechanism.
 
-    Parameters
-    ----------
-    text : str
-    names : tuple of str
-        Names that are known, for better errors; the name in ``text`` is not checked.
-
-    Raises
-    ------
-    FailureError
-        If the text does not follow the grammar; it lists the words that would do.
+    The name in ``text`` is not checked; known ``names`` make better errors. Raises `FailureError`,
+    which lists the valid words, if the text does not follow the grammar.
     """
     words = text.split()
     silent = bool(words) and words[0].lower() == SILENT
@@ -112,10 +93,9 @@ def fault_words(text: str, names: tuple[str, ...] = ()) -> tuple[FaultMode, str,
         expected = 'expected [silent] and two words, a mode and a name'
         raise FailureError(_shortened(text), expected, (*FAULT_WORDS, *names))
     mode_word, name = words
-    if mode_word.lower() not in FAULT_WORDS:
-        name_first = words[1].lower() in FAULT_WORDS or mode_word in names
-        if name_first:
-            name, mode_word = words
+    name_first = name.lower() in FAULT_WORDS or mode_word in names
+    if mode_word.lower() not in FAULT_WORDS and name_first:
+        name, mode_word = words
     if mode_word.lower() not in FAULT_WORDS:
         raise FailureError(_shortened(mode_word), 'unknown mode', tuple(FAULT_WORDS))
     return FAULT_WORDS[mode_word.lower()], name, silent

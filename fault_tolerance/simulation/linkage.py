@@ -25,16 +25,16 @@ for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the struts' own joint values put them; s struts of up to k joints.
+    """Where the struts' own joint values put them; s struts of up to k joints; metres, base axes.
 
     Attributes
     ----------
     rotations : (s, 3, 3) array
         The platform's rotation from home as each strut alone would have it.
     origins : (s, 3) array
-        The platform origin as each strut alone would have it, metres.
+        The platform origin as each strut alone would have it.
     points : (s, k, 3) array
-        A point on every joint axis, metres, base axes.
+        A point on every joint axis.
     motions : (s, 6, k) array
         How each joint moves the strut's end: per unit rate, angular velocity times the
         characteristic length, then velocity of the platform origin.
@@ -49,10 +49,7 @@ class Placement:
 class Linkage:
     """The struts of a mechanism side by side, padded to the longest with joints that do nothing.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Must have struts.
+    Raises `MechanismError` if the mechanism has no struts: there is nothing to simulate.
 
     Attributes
     ----------
@@ -66,16 +63,11 @@ class Linkage:
         Where it is a revolute one.
     slots : (N,) int array
         The places of the actuators in an array (s, k), flattened.
-
-    Raises
-    ------
-    MechanismError
-        If the mechanism is given by numbers: there is nothing to simulate.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         if not mechanism.struts:
-            reason = 'a mechanism given by numbers only cannot be simulated'
+            reason = 'a mechanism given by its Jacobian only cannot be simulated'
             raise MechanismError(mechanism.name, 'struts', reason)
         shape = (len(mechanism.struts), max(len(strut.joints) for strut in mechanism.struts))
         self.origin = mechanism.origin
@@ -102,7 +94,7 @@ class Linkage:
         self._displacements = _joint_displacements(axes, points, self.turning)
 
     def placement(self, joint_values: FloatArray) -> Placement:
-        """Return where the struts are at ``joint_values`` (s, k), radians and metres."""
+        """Return the `Placement` of the struts at ``joint_values`` (s, k), radians and metres."""
         count, length = joint_values.shape
         weights = np.empty((count, length, 1, 3))
         weights[..., 0, 0] = np.sin(joint_values)
@@ -128,13 +120,10 @@ class Linkage:
         return Placement(rotations, origins, points, motions)
 
     def gaps(self, placement: Placement, pose: FloatArray) -> FloatArray:
-        """Return how far the struts' ends are from the platform at ``pose``.
+        """Return the gaps (s, 6) from the platform at ``pose`` (4, 4) to the struts' ends.
 
-        Returns
-        -------
-        (s, 6) array
-            Small rotation from the platform to the strut's end times the characteristic
-            length, then the displacement, metres, base axes.
+        A gap is the small rotation times the characteristic length, then the displacement;
+        metres, base axes. ``placement`` says where the ends are.
         """
         turned = placement.rotations @ pose[:3, :3].T
         gaps = np.empty((len(turned), 6))

@@ -5,7 +5,7 @@
 
 The platform is a free body. A strut is a chain of bodies, one a joint, all with the axes of the
 base at home; its loop is closed by an equality constraint between its last body and the platform.
-Where a strut ends in a spherical joint nobody drives, that joint is the constraint (``connect``:
+Where a strut ends in a passive spherical joint, that joint is the constraint (``connect``:
 a common point); any other end is welded. Every actuator has a position and a velocity servo on
 its joint, and a joint constraint, off at first, that locks it.
 """
@@ -20,8 +20,9 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.description import Joint, Mechanism, Strut
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.parts import Joint, Strut
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 PLATFORM = 'platform'
 TIMESTEP = 2.5e-4
@@ -39,7 +40,7 @@ RATE_SERVO = '{}/rate'
 
 @dataclass(frozen=True)
 class Masses:
-    """What the parts weigh, by rules that suit a mirror of 20 mm and a hexapod alike.
+    """Weights of the parts, by rules that suit a mirror of 20 mm and a hexapod alike.
 
     Mechanism files know nothing of masses. Everything here scales with the characteristic
     length Lc: the platform is a plate of radius Lc, a strut a rod, cut into as many pieces as it
@@ -77,20 +78,11 @@ def mjcf_text(
 ) -> str:
     """Return the MJCF document of ``mechanism`` at home.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    settings : PlantSettings, optional
-        Gives stiffness and damping.
-    masses : Masses, optional
-
-    Raises
-    ------
-    MechanismError
-        If the mechanism is given by numbers only.
+    ``settings`` give stiffness and damping, ``masses`` the weights. Raises `MechanismError` if the
+    mechanism is given by its Jacobian only.
     """
     if not mechanism.struts:
-        reason = 'a mechanism given by numbers only cannot be simulated'
+        reason = 'a mechanism given by its Jacobian only cannot be simulated'
         raise MechanismError(mechanism.name, 'struts', reason)
     return _Document(mechanism, settings or PlantSettings(), masses or Masses()).text()
 
@@ -98,11 +90,7 @@ def mjcf_text(
 def ball_of(strut: Strut, length: float) -> tuple[Joint, ...]:
     """Return the last three joints of ``strut`` if they are a spherical joint without a drive.
 
-    Parameters
-    ----------
-    strut : Strut
-    length : float
-        Characteristic length of the mechanism, metres.
+    Else return an empty tuple. ``length`` is the characteristic length of the mechanism, metres.
     """
     last = strut.joints[-3:]
     if len(last) < 3 or any(j.kind != 'revolute' or j.actuator is not None for j in last):
@@ -124,14 +112,10 @@ class _Document:
         self._root = ElementTree.Element('mujoco', model=mechanism.name)
         self._add(self._root, 'compiler', angle='radian', autolimits='true')
         option = self._add(
-            self._root,
-            'option',
-            timestep=TIMESTEP,
-            integrator='implicitfast',
-            gravity=masses.gravity,
-            tolerance=1e-12,
+            self._root, 'option', timestep=TIMESTEP, integrator='implicitfast',
+            gravity=masses.gravity, tolerance=1e-12,
         )
-        # Without contacts; and a state that has gone wrong is to be seen, not reset.
+        # No contacts; a diverging state is reported, not reset.
         self._add(option, 'flag', contact='disable', autoreset='disable')
         self._world = self._add(self._root, 'worldbody')
         self._equality = self._add(self._root, 'equality')
@@ -141,7 +125,8 @@ class _Document:
         platform = self._add(self._world, 'body', name=PLATFORM, pos=self._mechanism.origin)
         self._add(platform, 'freejoint', name=PLATFORM)
         across = 0.25 * self._plate * self._length**2
-        self._add_inertia(platform, np.zeros(3), self._plate, (across, across, 2.0 * across))
+        inertia = (across, across, 2.0 * across)
+        self._add(platform, 'inertial', pos=np.zeros(3), mass=self._plate, diaginertia=inertia)
         for strut in self._mechanism.struts:
             self._add_strut(strut)
         for actuator in self._mechanism.actuators:
@@ -155,10 +140,8 @@ class _Document:
         joints = strut.joints[: len(strut.joints) - len(ball)]
         end = ball[0].point if ball else origin
         places = _places(joints, end)
-        span = sum(
-            float(np.linalg.norm(b - a)) for a, b in zip(places[:-1], places[1:], strict=True)
-        )
-        # A strut all in one place weighs something too.
+        span = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        # A strut of zero length has mass too.
         span = max(span, 0.1 * self._length)
         mass = self._masses.rod * self._length**2 * span / max(len(joints), 1)
         body, at = self._world, np.zeros(3)
@@ -167,15 +150,13 @@ class _Document:
             self._add_joint(body, joint)
             piece = following - place
             reach = float(piece @ piece) / 12.0 + (0.05 * self._length) ** 2
-            self._add_inertia(body, 0.5 * piece, mass, (mass * reach,) * 3)
+            inertia = (mass * reach,) * 3
+            self._add(body, 'inertial', pos=0.5 * piece, mass=mass, diaginertia=inertia)
             at = place
         # Without a second body: the world.
         bodies = {'body1': PLATFORM} | ({'body2': joints[-1].name} if joints else {})
-        if ball:
-            anchor = end - origin
-            self._add(self._equality, 'connect', name=strut.name, anchor=anchor, **bodies)
-        else:
-            self._add(self._equality, 'weld', name=strut.name, anchor=origin - at, **bodies)
+        kind, anchor = ('connect', end - origin) if ball else ('weld', origin - at)
+        self._add(self._equality, kind, name=strut.name, anchor=anchor, **bodies)
 
     def _add_joint(self, body: ElementTree.Element, joint: Joint) -> None:
         turning = joint.kind == 'revolute'
@@ -209,15 +190,6 @@ class _Document:
 
     def _stiffness(self, turning: bool) -> float:
         return self._settings.actuator_stiffness * (self._length**2 if turning else 1.0)
-
-    def _add_inertia(
-        self,
-        body: ElementTree.Element,
-        place: FloatArray,
-        mass: float,
-        inertia: tuple[float, float, float],
-    ) -> None:
-        self._add(body, 'inertial', pos=place, mass=mass, diaginertia=inertia)
 
     @staticmethod
     def _add(parent: ElementTree.Element, tag: str, **attributes: object) -> ElementTree.Element:

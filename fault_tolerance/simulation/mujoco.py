@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The engine MuJoCo: the mechanism with inertia and gravity, in a solver nobody here wrote.
+"""The engine MuJoCo: the mechanism with inertia and gravity, in an independent solver.
 
 Needs the package ``mujoco`` (the extra of that name), which is imported when a plant is made.
 """
@@ -26,7 +26,7 @@ from fault_tolerance.simulation.mjcf import (
     ball_of,
     mjcf_text,
 )
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 # The setpoints move in straight lines between times at most so far apart, in time steps.
 _STRIDE = 4
@@ -39,32 +39,17 @@ class MujocoPlant(BreakablePlant):
     """A mechanism with mass in MuJoCo, driven by rate commands and broken on request.
 
     The model is that of `mjcf.mjcf_text`, with gravity; `PlantSettings.disturbance` and
-    `platform_damping` act on the platform as they do in the elastic plant. A drive is a servo of
-    `actuator_stiffness` on position and rate; between two states its setpoints move as
-    `Servos` has them. The loops are closed by soft constraints of `structure_stiffness`, or as
-    near to it as MuJoCo goes.
+    `platform_damping` act on the platform as they do in the elastic plant, `flexure_stiffness` is
+    not used. A drive is a servo of `actuator_stiffness` on position and rate; between two states
+    its setpoints move as `Servos` has them. The loops are closed by soft constraints of
+    `structure_stiffness`, or as near to it as MuJoCo goes.
 
     A stuck actuator loses its servo and gets a joint constraint of the same stiffness where it
     is; a free one loses its servo and goes between the ends of its stroke; a lost strut's closure
     is switched off, and its joints are kept where they were: it neither falls nor swings.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With struts; any serial chains, any number of actuators in each.
-    settings : PlantSettings
-        All but `flexure_stiffness`.
-    rng : numpy.random.Generator or int
-        Source of the sensor noise, or the seed of one.
-    masses : Masses
-        What the parts weigh.
-
-    Raises
-    ------
-    EngineError
-        If the package mujoco is missing.
-    MechanismError
-        If the mechanism is given by numbers only.
+    Parameters are those of `BreakablePlant`, and the `Masses` of the parts. Raises `EngineError`
+    if the package mujoco is missing.
 
     Notes
     -----
@@ -73,7 +58,6 @@ class MujocoPlant(BreakablePlant):
     softer in the directions a strut bars than in those it moves in (the closures are equally
     stiff in all); contacts and collisions; friction and backlash; elastic links; restoring
     forces of flexures; limits on force; what is said of sensors and drives for the elastic plant.
-    Masses are rules of thumb (`Masses`), since mechanism files know of none.
     """
 
     def __init__(
@@ -102,19 +86,15 @@ class MujocoPlant(BreakablePlant):
         for index, strut in enumerate(self.mechanism.struts):
             ball = self._balls[index]
             chain = strut.joints[: len(strut.joints) - ball]
-            anchors = [
-                self._data.joint(joint.name).xanchor.copy()
-                for joint in chain
-                if joint.kind == 'revolute'
-            ]
-            if ball:
-                anchors += [self._tip(index)] * ball
+            turning = [joint.name for joint in chain if joint.kind == 'revolute']
+            anchors = [self._data.joint(name).xanchor.copy() for name in turning]
+            anchors += [self._tip(index)] * ball
             found.append(np.array(anchors).reshape(-1, 3))
         return tuple(found)
 
     @property
     def _lib(self) -> Any:
-        # Not kept: a plant can be copied, a module cannot.
+        # Not stored: plants are deep-copied, and modules cannot be.
         return library()
 
     def _index(self) -> None:
@@ -255,12 +235,9 @@ class MujocoPlant(BreakablePlant):
         return float(ahead.qpos[self._places[self._slots == slot][0]])
 
     def _fasten(self, index: int) -> FloatArray:
-        """Put the strut where its joint values have it; return what its closure is off.
+        """Put the strut where its joint values have it; return what its closure is off, (6,).
 
-        Returns
-        -------
-        (6,) array
-            Rotation vector and displacement of the strut's end on the platform, in its axes.
+        These are rotation vector and displacement of the strut's end on the platform, in its axes.
         """
         lib, data = self._lib, self._data
         mine = self._owners == index
@@ -301,7 +278,7 @@ class MujocoPlant(BreakablePlant):
 
 
 def library() -> Any:
-    """Return the package mujoco; `EngineError` if it is missing."""
+    """Return the package mujoco; raise `EngineError` if it is missing."""
     try:
         import mujoco
     except ImportError as error:

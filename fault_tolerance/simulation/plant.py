@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The built-in engine: elastic, quasi-static, and ignorant of the controller's kinematics."""
+"""The built-in engine: elastic, quasi-static, independent of the controller's kinematics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.breakable import BreakablePlant
 from fault_tolerance.simulation.elastic import Structure, settled, strut_stiffnesses
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 _RELEASE_STEPS = 4
 _RELEASE_STEP = 0.01
@@ -28,20 +28,8 @@ class ElasticPlant(BreakablePlant):
     only; no Jacobian of the controller's is used.
 
     A stuck actuator keeps its setpoint; a free one has no spring and is carried along, between
-    the ends of its stroke; a lost strut's joints stay where they were.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With struts; any serial chains, any number of actuators in each.
-    settings : PlantSettings
-    rng : numpy.random.Generator or int
-        Source of the sensor noise, or the seed of one.
-
-    Raises
-    ------
-    MechanismError
-        If the mechanism is given by numbers only.
+    the ends of its stroke; a lost strut's joints stay where they were. Parameters are those of
+    `BreakablePlant`.
 
     Notes
     -----

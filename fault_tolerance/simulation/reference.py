@@ -5,15 +5,14 @@
 
 A reference is a rotation vector of the platform, of which the two components about the base x
 and y axes are given (radians); the third is zero. Each kind has its angle and the exact time
-derivative of it, which a pointing loop feeds forward.
+derivative of it, which a pointing loop feeds forward. Frequencies are in hertz.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import cos, floor, isfinite, pi, sin
+from dataclasses import dataclass, fields
+from math import cos, isfinite, pi, sin
 from typing import Protocol
 
 import numpy as np
@@ -26,26 +25,19 @@ class Reference(Protocol):
     """What every reference offers; ``t`` is in seconds, of any sign."""
 
     def angle(self, t: float) -> FloatArray:
-        """Return the rotation vector's x and y components (2,), radians."""
+        """Return the rotation vector's x and y components (2,) at ``t``, radians."""
         ...
 
     def rate(self, t: float) -> FloatArray:
-        """Return the time derivative of `angle` (2,), rad/s."""
+        """Return the time derivative (2,) of `angle` at ``t``, rad/s."""
         ...
 
 
 @dataclass(frozen=True)
 class Step:
-    """At rest at zero, then at ``amplitude`` from the time ``start`` on.
+    """At rest at zero, then at ``amplitude`` (about x and y, radians) from ``start`` (s) on.
 
-    The rate is zero throughout: nobody can feed forward a jump.
-
-    Attributes
-    ----------
-    amplitude : tuple of float
-        About x and y, radians.
-    start : float
-        Seconds.
+    The rate is zero throughout: a jump has no feedforward.
     """
 
     amplitude: tuple[float, float] = (1e-3, 0.0)
@@ -57,25 +49,17 @@ class Step:
         _finite('start', self.start)
 
     def angle(self, t: float) -> FloatArray:
-        """Return the rotation vector's x and y components (2,), radians."""
+        """Return the angle (2,) at ``t``, radians."""
         return np.array(self.amplitude if t >= self.start else (0.0, 0.0))
 
     def rate(self, t: float) -> FloatArray:
-        """Return zeros (2,)."""
+        """Return zeros (2,) at every ``t``."""
         return np.zeros(2)
 
 
 @dataclass(frozen=True)
 class Circle:
-    """``amplitude * (cos 2 pi f t, sin 2 pi f t)``.
-
-    Attributes
-    ----------
-    amplitude : float
-        Radius, radians.
-    frequency : float
-        Turns per second, hertz; negative turns the other way.
-    """
+    """``amplitude * (cos 2 pi f t, sin 2 pi f t)``; a negative frequency turns the other way."""
 
     amplitude: float = 1e-3
     frequency: float = 1.0
@@ -86,12 +70,12 @@ class Circle:
         _finite('frequency', self.frequency)
 
     def angle(self, t: float) -> FloatArray:
-        """Return the rotation vector's x and y components (2,), radians."""
+        """Return the angle (2,) at ``t``, radians."""
         phase = 2.0 * pi * self.frequency * t
         return self.amplitude * np.array([cos(phase), sin(phase)])
 
     def rate(self, t: float) -> FloatArray:
-        """Return the time derivative of `angle` (2,), rad/s."""
+        """Return the rate (2,) at ``t``, rad/s."""
         speed = 2.0 * pi * self.frequency
         phase = speed * t
         return self.amplitude * speed * np.array([-sin(phase), cos(phase)])
@@ -125,13 +109,13 @@ class Raster:
             raise ArrayError('lines', f'{self.lines!r} is not a positive whole number')
 
     def angle(self, t: float) -> FloatArray:
-        """Return the rotation vector's x and y components (2,), radians."""
+        """Return the angle (2,) at ``t``, radians."""
         fast, slow = self.amplitude
         cycles = self.frequency * t
         return np.array([fast * _triangle(cycles), slow * _triangle(cycles / self.lines)])
 
     def rate(self, t: float) -> FloatArray:
-        """Return the time derivative of `angle` (2,), rad/s."""
+        """Return the rate (2,) at ``t``, rad/s."""
         fast, slow = self.amplitude
         cycles = self.frequency * t
         slow_frequency = self.frequency / self.lines
@@ -145,17 +129,7 @@ class Raster:
 
 @dataclass(frozen=True)
 class Lissajous:
-    """``(a_x sin(2 pi f_x t + phase), a_y sin 2 pi f_y t)``.
-
-    Attributes
-    ----------
-    amplitude : tuple of float
-        About x and y, radians.
-    frequency : tuple of float
-        About x and y, hertz.
-    phase : float
-        Lead of x, radians.
-    """
+    """``(a_x sin(2 pi f_x t + phase), a_y sin 2 pi f_y t)``, radians and hertz."""
 
     amplitude: tuple[float, float] = (1e-3, 1e-3)
     frequency: tuple[float, float] = (3.0, 2.0)
@@ -168,14 +142,14 @@ class Lissajous:
         _finite('phase', self.phase)
 
     def angle(self, t: float) -> FloatArray:
-        """Return the rotation vector's x and y components (2,), radians."""
+        """Return the angle (2,) at ``t``, radians."""
         (a_x, a_y), (f_x, f_y) = self.amplitude, self.frequency
         return np.array(
             [a_x * sin(2.0 * pi * f_x * t + self.phase), a_y * sin(2.0 * pi * f_y * t)]
         )
 
     def rate(self, t: float) -> FloatArray:
-        """Return the time derivative of `angle` (2,), rad/s."""
+        """Return the rate (2,) at ``t``, rad/s."""
         (a_x, a_y), (f_x, f_y) = self.amplitude, self.frequency
         x_speed, y_speed = 2.0 * pi * f_x, 2.0 * pi * f_y
         return np.array(
@@ -194,35 +168,14 @@ REFERENCE_KINDS = tuple(_KINDS)
 """The words `reference` understands."""
 
 
-def reference_parameters(kind: str) -> tuple[str, ...]:
-    """Return the names of the parameters of the reference ``kind``.
+def reference(kind: str, **parameters: float | Sequence[float]) -> Reference:
+    """Return the reference of the ``kind`` named, with ``parameters`` for its attributes.
 
-    Raises
-    ------
-    ArrayError
-        If there is no such kind.
+    Raises `ArrayError` if the kind or a parameter is unknown, or a value is unusable.
     """
     if kind not in _KINDS:
         raise ArrayError('reference', f'{kind!r} is not one of {" ".join(REFERENCE_KINDS)}')
-    return tuple(entry.name for entry in dataclasses.fields(_KINDS[kind]))
-
-
-def reference(kind: str, **parameters: float | Sequence[float]) -> Reference:
-    """Return the reference of the kind named, with ``parameters`` for its attributes.
-
-    Parameters
-    ----------
-    kind : str
-        One of `REFERENCE_KINDS`.
-    **parameters
-        Attributes of that class that differ from their defaults.
-
-    Raises
-    ------
-    ArrayError
-        If the kind or a parameter is unknown, or a value is unusable.
-    """
-    known = reference_parameters(kind)
+    known = [entry.name for entry in fields(_KINDS[kind])]
     for name in parameters:
         if name not in known:
             raise ArrayError(name, f'is no parameter of {kind}; it has {" ".join(known)}')
@@ -232,15 +185,11 @@ def reference(kind: str, **parameters: float | Sequence[float]) -> Reference:
 
 def _triangle(cycles: float) -> float:
     """Return a triangle wave of period 1 between -1 and 1, zero and rising at 0."""
-    return 1.0 - 4.0 * abs(_fraction(cycles + 0.25) - 0.5)
+    return 1.0 - 4.0 * abs((cycles + 0.25) % 1.0 - 0.5)
 
 
 def _triangle_slope(cycles: float) -> float:
-    return 4.0 if _fraction(cycles + 0.25) < 0.5 else -4.0
-
-
-def _fraction(cycles: float) -> float:
-    return cycles - floor(cycles)
+    return 4.0 if (cycles + 0.25) % 1.0 < 0.5 else -4.0
 
 
 def _finite(name: str, value: object) -> float:

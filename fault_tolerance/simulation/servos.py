@@ -18,22 +18,10 @@ BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 class Servos:
     """N velocity servos, each a first-order lag with a rate limit and the stroke as its end.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Gives strokes and rates.
-    time_constant : float
-        Seconds; 0 follows at once.
-    unlimited_rate : float
-        Largest rate of an actuator that has no limit of its own: rad/s, and characteristic
-        lengths a second where it slides.
-
-    Attributes
-    ----------
-    setpoints : (N,) array
-        Joint values the drives hold.
-    rates : (N,) array
-        How fast the setpoints move.
+    ``mechanism`` gives strokes and rates, ``time_constant`` is in seconds (0 follows at once), and
+    ``unlimited_rate`` is the largest rate of an actuator that has no limit of its own: rad/s, or
+    characteristic lengths a second where it slides. The drives hold the joint values ``setpoints``
+    (N,), which move at ``rates`` (N,).
     """
 
     def __init__(self, mechanism: Mechanism, time_constant: float, unlimited_rate: float) -> None:
@@ -48,10 +36,10 @@ class Servos:
         self._time_constant = time_constant
 
     def advance(self, command: FloatArray, driven: BoolArray, dt: float) -> None:
-        """Let the servos follow ``command`` (N,) for ``dt`` seconds where ``driven`` (N,).
+        """Let the servos follow ``command`` (N,), rad/s and m/s, for ``dt`` seconds.
 
         The lag is integrated exactly, so that the distance travelled does not depend on how
-        time is divided. The others stand still.
+        time is divided. Servos that are not ``driven`` (N,) stand still.
         """
         wanted = np.clip(command, -self.rate_limits, self.rate_limits)
         lag = self._time_constant
@@ -64,7 +52,7 @@ class Servos:
         self.rates = np.where(moving, wanted + behind * decay, 0.0)
 
     def rest_at(self, index: int, value: float) -> float:
-        """Put one servo to rest at ``value``, or as near as its stroke allows; return where."""
+        """Put servo ``index`` to rest as near to ``value`` as its stroke allows; return where."""
         self.setpoints[index] = np.clip(value, self.lowest[index], self.highest[index])
         self.rates[index] = 0.0
         return float(self.setpoints[index])

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every simulated mechanism offers, and what it shows of itself."""
+"""The interface of every simulated mechanism, and its state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.faults import FaultCommand, FaultMode
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 LONGEST_STEP = 1.0
 """Seconds; `Plant.step` takes no more at a time."""
@@ -56,13 +56,7 @@ class PlantState:
 
 
 class Plant(Protocol):
-    """A simulated mechanism, driven by rate commands and broken on request.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    settings : PlantSettings
-    """
+    """A simulated ``mechanism`` with its ``settings``, driven by rates and broken on request."""
 
     mechanism: Mechanism
     settings: PlantSettings
@@ -93,7 +87,7 @@ class Plant(Protocol):
         ...
 
     def command(self, rates: ArrayLike) -> None:
-        """Take rates (N,) for the drives to follow, rad/s and m/s, until the next command."""
+        """Take ``rates`` (N,) for the drives to follow, rad/s and m/s, until the next command."""
         ...
 
     def reseed(self, rng: np.random.Generator | int) -> None:
@@ -101,7 +95,7 @@ class Plant(Protocol):
         ...
 
     def apply(self, command: FaultCommand) -> None:
-        """Break or mend parts at once; the next step shows it."""
+        """Break or repair parts at once as ``command`` says; the next step shows it."""
         ...
 
     def step(self, dt: float) -> PlantState:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fault_tolerance.analysis.demonstration import PHASES
+from fault_tolerance.analysis.demo_summary import PHASES
 from fault_tolerance.analysis.phases import Note, Phase, note_as_text
-from fault_tolerance.analysis.recording import Message, Recording, recordings_of
+from fault_tolerance.analysis.recorded_data import Message, Recording, recordings_of
 from fault_tolerance.analysis.runs import Run, run_of
 from fault_tolerance.analysis.topics import SCALARS
 

@@ -15,22 +15,22 @@ PACKAGE = ROOT / 'fault_tolerance'
 
 # Doors lead downwards only: to a lower number, or to another module of the same folder.
 LAYERS = {
-    'compiled': 1,
     'errors': 0,
     'resources': 0,
     'tolerances': 0,
     'mechanism': 2,
+    'kernel': 3,
     'kinematics': 3,
-    '__init__': 4,
     'analysis': 4,
     'control': 4,
     'simulation': 4,
     'closed_loop': 5,
     'commands': 5,
-    'campaign': 6,
-    'nodes': 6,
-    'cli': 7,
-    '__main__': 8,
+    '__init__': 6,
+    'campaign': 7,
+    'nodes': 7,
+    'cli': 8,
+    '__main__': 9,
 }
 PURE = ('mechanism', 'kinematics', 'control', 'simulation')
 OUTSIDE_WORLD = {'asyncio', 'datetime', 'logging', 'multiprocessing', 'os', 'random', 'socket',
@@ -90,10 +90,17 @@ def test_every_room_has_its_floor():
     assert {room(path) for path in IMPORTS} <= set(LAYERS)
 
 
+def test_every_file_has_a_name_of_its_own():
+    stems = [path.stem for path in IMPORTS if not path.stem.startswith('__')]
+    assert sorted(set(stems)) == sorted(stems)
+
+
 def test_doors_lead_downwards():
-    """So control, simulation and analysis, on one floor, never import each other."""
+    """So what is on one floor stays apart: control, simulation and analysis; the kernel and the
+    definitions that it is compared with."""
     def upwards(own, name):
-        if name.partition('.')[0] != PACKAGE.name:
+        # Names of the façade stand behind the dot.
+        if not name.startswith(f'{PACKAGE.name}.'):
             return False
         other = layer_of(name)
         return other != own and LAYERS[other] >= LAYERS[own]
@@ -116,6 +123,17 @@ def test_simulation_knows_geometry_only():
 
 def test_the_core_has_no_clock_and_no_log():
     assert offences(lambda _, name: name in OUTSIDE_WORLD, PURE) == []
+
+
+def test_the_kernel_is_plain_loops_that_know_of_no_compiler():
+    """But for the one module that compiles them, and its command."""
+    makers = ('compilation.py', '__main__.py')
+    allowed = {'__future__', 'dataclasses', 'math', 'numpy', 'typing', PACKAGE.name}
+    for path, names in IMPORTS.items():
+        roots = {name.partition('.')[0] for name in names}
+        if room(path) == 'kernel' and path.name not in makers:
+            assert roots <= allowed, path
+        assert 'numba' not in roots or path.name == 'compilation.py', path
 
 
 @pytest.mark.parametrize('folder', ['examples', 'test/core'])

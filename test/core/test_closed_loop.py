@@ -3,27 +3,51 @@
 
 """The demonstration's loop in the deterministic core: what recovery is worth."""
 
+from copy import deepcopy
+from functools import cache
+
 import numpy as np
 import pytest
 
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-from fault_tolerance.control.recovery import State
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 MECHANISM = mechanism_named('mirror_4_strut')
 
 
-def run_with_failure(words, *, recovery=True, seed=1):
-    """Return the traces before and after a failure, three periods of the circle each."""
+TURNS = 2.0
+"""Seconds: periods of the circle, as many before a failure, at once after it, and later."""
+
+
+@cache
+def before_a_failure(recovery, seed):
+    """Return a loop that has settled, and the trace of the healthy mirror; to be copied."""
     settings = LoopSettings(control=Settings(recovery=recovery), seed=seed)
     loop = ClosedLoop(MECHANISM, settings=settings)
-    loop.run(3.0)
-    healthy = loop.run(3.0)
+    loop.run(TURNS)
+    return loop, loop.run(TURNS)
+
+
+def run_with_failure(words, *, recovery=True, seed=1):
+    """Return the loop, and the traces before and after a failure."""
+    loop, healthy = deepcopy(before_a_failure(recovery, seed))
     for word in words:
         loop.inject(word)
-    at_once = loop.run(3.0)
-    return loop, healthy, at_once, loop.run(3.0)
+    at_once = loop.run(TURNS)
+    return loop, healthy, at_once, loop.run(TURNS)
+
+
+def test_a_copy_of_a_loop_goes_on_as_the_loop_itself_would():
+    first, second = (deepcopy(before_a_failure(True, 1)[0]).run(0.2) for _ in range(2))
+    loop = ClosedLoop(MECHANISM, settings=LoopSettings(seed=1))
+    loop.run(2.0 * TURNS)
+    third = loop.run(0.2)
+
+    for other in (second, third):
+        np.testing.assert_array_equal(first.error, other.error)
+        np.testing.assert_array_equal(first.efforts, other.efforts)
 
 
 @pytest.mark.parametrize('seed', [1, 2])
@@ -65,8 +89,8 @@ def test_mending_and_clearing_returns_to_nominal_without_a_jump():
     loop.inject('ok all')
     loop.clear()
     first = loop.run(LoopSettings().period)
-    loop.run(3.0)
-    healed = loop.run(3.0)
+    loop.run(TURNS)
+    healed = loop.run(TURNS)
 
     assert first.states == (State.NOMINAL,)
     swept_in_a_period = 2.0 * np.pi * 1e-3 * LoopSettings().period

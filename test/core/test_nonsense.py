@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.readings import LARGEST_VALUE, joint_readings
-from fault_tolerance.control.reports import Report, report_of
+from fault_tolerance.control.failure_reports import Report, report_of
+from fault_tolerance.control.joint_states import LARGEST_VALUE, joint_readings
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.errors import ArrayError, FailureError, MechanismError
@@ -22,8 +22,8 @@ from fault_tolerance.mechanism.failure_modes import mode_words
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.resources import share_directory
 from fault_tolerance.simulation.faults import FAULT_WORDS, fault_command
+from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.reference import REFERENCE_KINDS, reference
-from fault_tolerance.simulation.settings import PlantSettings
 
 FSM = mechanism_named('fsm_4_strut')
 NAMES = (*FSM.actuator_names, *FSM.strut_names)

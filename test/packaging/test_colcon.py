@@ -58,7 +58,7 @@ def workspace(request, source, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     kept = {name: value for name, value in os.environ.items() if name != 'PYTEST_ADDOPTS'}
     # Code that is installed anew is compiled anew, which takes half a minute.
-    kept['FAULT_TOLERANCE_COMPILED'] = '0'
+    kept['FAULT_TOLERANCE_KERNEL'] = 'python'
     built = Workspace(folder, source, kept)
     build = built.run('build', *(['--symlink-install'] if request.param == 'linked' else []))
     assert build.returncode == 0, build.stdout
@@ -139,6 +139,7 @@ def test_colcon_test_runs_pytest(workspace):
     assert suite.get('failures') == suite.get('errors') == '0'
 
 
+@pytest.mark.parametrize('workspace', ['copied'], indirect=True)
 def test_colcon_test_that_runs_nothing_fails(workspace):
     """Colcon alone would call it a success."""
     run = workspace.run('test', '--pytest-args', 'test/packaging/test_resources.py',

@@ -24,7 +24,7 @@ ROSDEP_KEY_OF = {
 }
 REQUIREMENT_OF = {'yaml': 'PyYAML'}
 # Extras of the pip package, not to be counted on as apt packages of Ubuntu 24.04; never needed.
-PIP_ONLY = {'mujoco': 'mujoco', 'numba': 'fast', 'rosbags': 'record'}
+PIP_ONLY = {'mujoco': 'mujoco', 'rosbags': 'record'}
 
 
 def imported_names(folder):

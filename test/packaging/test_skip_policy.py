@@ -3,6 +3,7 @@
 """A run is green only if something ran and nothing was left out that could have run."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -54,22 +55,29 @@ def test_run_with_everything_deselected_fails(run_pytest):
     assert 'no test passed' in result.stdout
 
 
-@pytest.mark.parametrize('source', [
-    "@pytest.mark.skip(reason='not today')\ndef test_it():\n    pass\n",
-    "@pytest.mark.skipif(True, reason='not today')\ndef test_it():\n    pass\n",
-    "def test_it():\n    pytest.skip('not today')\n",
-    "@pytest.fixture\ndef value():\n    pytest.skip('not today')\ndef test_it(value):\n    pass\n",
-    "@pytest.mark.xfail(reason='not today')\ndef test_it():\n    assert False\n",
-    "import unittest\nclass TestIt(unittest.TestCase):\n"
-    "    @unittest.skip('not today')\n    def test_it(self):\n        pass\n",
-])
-def test_skip_outside_the_allow_list_fails(run_pytest, source):
-    result = run_pytest(PASSES + source)
+SKIPS = (
+    "@pytest.mark.skip(reason='not today: 1')\ndef test_1():\n    pass\n\n"
+    "@pytest.mark.skipif(True, reason='not today: 2')\ndef test_2():\n    pass\n\n"
+    "def test_3():\n    pytest.skip('not today: 3')\n\n"
+    "@pytest.fixture\ndef value():\n    pytest.skip('not today: 4')\n\n"
+    'def test_4(value):\n    pass\n\n'
+    "@pytest.mark.xfail(reason='not today: 5')\ndef test_5():\n    assert False\n\n"
+    'import unittest\n\nclass TestIt(unittest.TestCase):\n'
+    "    @unittest.skip('not today: 6')\n    def test_6(self):\n        pass\n"
+)
+
+
+def test_skips_outside_the_allow_list_fail_in_every_form(run_pytest):
+    result = run_pytest(PASSES + SKIPS)
     assert result.returncode == 1, result.stdout
-    assert 'not run, for a reason that is not allowed' in result.stdout
-    assert 'not today' in result.stdout
-    assert 'skipped' not in result.stdout.splitlines()[-1]
-    assert 'xfailed' not in result.stdout.splitlines()[-1]
+    last = result.stdout.splitlines()[-1]
+    # What fails before the test itself is an error.
+    bad = sum(int(number) for number in re.findall(r'(\d+) (?:failed|error)', last))
+    assert (bad, '1 passed' in last) == (6, True), last
+    assert 'skipped' not in last and 'xfailed' not in last
+    for number in range(1, 7):
+        reason = rf'not run, for a reason that is not allowed: .*not today: {number}'
+        assert re.search(reason, result.stdout), number
 
 
 @pytest.mark.parametrize('source', [

@@ -336,7 +336,7 @@ def test_a_level_of_two_typed_without_brackets_is_applied_with_a_warning(
 ):
     asking.step()
     asking.report('position', 'theta_4', level=DiagnosticStatus.OK, stamped=False)
-    probe.wait_for_state('degraded')
+    asking.reach('degraded')
     assert 'level: [2]' in controller.output
 
 
@@ -368,13 +368,13 @@ def test_an_unfit_combination_stops_and_is_left_by_clearing_only(asking, probe):
     asking.report('none', 'theta_3')
     probe.wait(lambda: 'theta_3' in probe.clear().message, 'a release')
     assert asking.step() is not None
-    probe.wait_for_state('degraded')
+    asking.reach('degraded')
 
 
 def test_a_lost_struts_joints_may_be_missing_or_nan(asking, probe):
     asking.settle(NOMINAL)
     asking.report('hard', 'strut_4')
-    probe.wait_for_state('degraded')
+    asking.reach('degraded')
     for message in (
         asking.joint_state([0.0, 0.0, 0.0, nan]),
         asking.joint_state([0.0, 0.0, 0.0], name=NAMES[:3]),

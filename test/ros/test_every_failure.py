@@ -11,8 +11,9 @@ from node_rig import Probe
 from std_msgs.msg import String
 
 from fault_tolerance.kinematics.failures import failure_set
-from fault_tolerance.kinematics.reconfiguration import failures_in_words, reconfigured
+from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
+from fault_tolerance.kinematics.verdict import failures_in_words
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')

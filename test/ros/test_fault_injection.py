@@ -207,7 +207,7 @@ def test_bad_words_are_refused_with_the_valid_ones_in_log_and_diagnostics(start,
         assert bench.health.level == DiagnosticStatus.WARN
         assert hint in bench.health.message.split('valid: ')[1]
     assert bench.process.alive
-    lines = [line for line in bench.process.output.splitlines() if 'refused' in line]
+    lines = [line for line in bench.process.output.splitlines() if 'rejected' in line]
     assert 'valid: position, stuck' in lines[0]
     assert len(lines) <= len(refused)
     assert max(map(len, lines)) < 600

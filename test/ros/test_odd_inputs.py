@@ -206,6 +206,7 @@ def test_what_is_old_or_empty_is_no_sign_of_life(machine, reason, change):
     machine.wait_for_count(f'rejected_{reason}', before + 1, sent)
 
 
+@pytest.mark.timed
 def test_of_a_burst_the_newest_counts(machine):
     probe, node = machine.probe, machine.probe.node
     reliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -234,6 +235,7 @@ def test_of_a_burst_the_newest_counts(machine):
     assert min(took) <= 0.35
 
 
+@pytest.mark.timed
 @pytest.mark.parametrize('joint_states_too', [True, False])
 def test_what_ceases_ends_the_motion_within_its_timeout(machine, joint_states_too):
     """The least of some attempts: what the machine does meanwhile only adds to it."""
@@ -325,6 +327,7 @@ def test_monsters_are_cut_to_size(machine):
     machine.release()
 
 
+@pytest.mark.timed
 def test_a_stall_is_counted_and_not_made_up_for(machine):
     probe, plant = machine.probe, machine.plant
     before = machine.count('stalls')
@@ -374,7 +377,9 @@ def test_a_warning_that_a_failure_is_latched_goes_with_the_failure(machine):
     cleared = machine.health_count
     # The next status but one at the latest, whatever the load of the machine.
     probe.wait(lambda: plant.step() and machine.health_count >= cleared + 2, 'two statuses')
-    assert machine.health.message == 'nominal'
+    assert 'stays until it is cleared' not in machine.health.message
+    # A busy machine may have had something else to tell, which passes.
+    probe.wait(lambda: plant.step() and machine.health.message == 'nominal', 'nominal')
     assert machine.health.level == DiagnosticStatus.OK
 
 

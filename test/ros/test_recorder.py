@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from fault_tolerance.analysis.bags import read_samples, write_bag
 from fault_tolerance.analysis.topics import RECORDED, split
-from fault_tolerance.nodes.recording import Recorder, decoded, message_class
+from fault_tolerance.nodes.recorder import Recorder, decoded, message_class
 
 NAMESPACE = 'robot'
 COUNT = 5

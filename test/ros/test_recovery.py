@@ -18,8 +18,6 @@ from node_rig import LockstepClock, Probe, rms
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
-pytestmark = pytest.mark.once
-
 PERIODS = 5
 SETTLING = 1.0
 
@@ -45,7 +43,14 @@ class Scan:
         self._faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
         probe.wait(self._faults.get_subscription_count, 'the simulator')
         self._clock.run_until(lambda: probe.state == 'nominal', 'nominal')
+        # Nominal says that joint states arrive, not yet that the reference reaches the controller
+        # and its commands the mirror: each pair of nodes finds each other by itself, and that may
+        # take as long in real time as the whole observation, which goes on meanwhile.
+        self._clock.run_until(self._moving, 'the mirror to move')
         self._clock.run(SETTLING)
+
+    def _moving(self) -> bool:
+        return any(abs(speed) > 1e-5 for speed in self.joint_states[-1].velocity)
 
     def observed(self) -> tuple[list[float], float]:
         """Return the rms error of some turns and the largest force, transients over."""

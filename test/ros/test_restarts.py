@@ -12,8 +12,6 @@ from geometry_msgs.msg import TwistStamped
 from node_rig import Probe
 from std_msgs.msg import String
 
-pytestmark = pytest.mark.once
-
 ASKED = (0.001, 0.002)
 
 

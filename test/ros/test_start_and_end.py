@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
@@ -11,8 +12,6 @@ import time
 
 import pytest
 from node_rig import PATIENCE, Plant
-
-pytestmark = pytest.mark.once
 
 ATTEMPTS = 3
 MODULES = {
@@ -47,11 +46,33 @@ def refusal(process) -> str:
     return line
 
 
-@pytest.mark.parametrize(('module', 'parameters', 'name'), BAD)
-def test_a_bad_parameter_is_named_in_one_line(start, module, parameters, name):
-    line = refusal(start(module, **parameters))
-    assert line.startswith(f'{MODULES[module]}: ')
-    assert name in line
+ONE_BY_ONE = """
+import json, sys
+from fault_tolerance.nodes.{} import main
+for arguments in json.loads(sys.argv[1]):
+    print(main(arguments), file=sys.stderr, flush=True)
+"""
+
+
+@pytest.mark.parametrize('module', MODULES)
+def test_a_bad_parameter_is_named_in_one_line(module):
+    """In one process for each node: it starts, is refused, and starts again with the next."""
+    cases = [(parameters, name) for node, parameters, name in BAD if node == module]
+    command_lines = [
+        ['--ros-args', *(word for key, value in parameters.items()
+                         for word in ('-p', f'{key}:={value}'))]
+        for parameters, _ in cases
+    ]
+    done = subprocess.run(
+        [sys.executable, '-c', ONE_BY_ONE.format(module), json.dumps(command_lines)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )
+    lines = [line for line in done.stderr.splitlines() if 'FAULT_TOLERANCE_COMPILED' not in line]
+    assert len(lines) == 2 * len(cases), done.stderr
+    for (_, name), line, code in zip(cases, lines[::2], lines[1::2], strict=True):
+        assert line.startswith(f'{MODULES[module]}: ')
+        assert name in line
+        assert code == '2'
 
 
 @pytest.mark.parametrize('module', MODULES)
@@ -142,13 +163,12 @@ def test_the_plant_stops_by_itself_when_the_controller_is_killed(start, probe):
 IN_THE_LOOP = """
 import gc, os, signal, sys
 from rclpy.node import Node
-from fault_tolerance.nodes.idle import IdleTime
-from fault_tolerance.nodes.spinning import run
+from fault_tolerance.nodes.spinning import Deferred, run
 
 class Watcher(Node):
     def __init__(self):
         super().__init__('watcher', enable_rosout=False)
-        self.idle, self.calls = IdleTime(), 0
+        self.deferred, self.calls = Deferred(), 0
         self.create_timer(0.01, self.call)
 
     def call(self):
@@ -162,7 +182,6 @@ print(code, gc.isenabled())
 """
 
 
-@pytest.mark.once
 def test_in_the_loop_callbacks_come_and_garbage_is_not_collected_by_itself():
     done = subprocess.run(
         [sys.executable, '-c', IN_THE_LOOP], capture_output=True, text=True, timeout=60,

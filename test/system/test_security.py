@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 import rclpy
 
-from fault_tolerance.nodes.demo_operator import Operator
+from fault_tolerance.nodes.operator_client import OperatorClient
 
 ROOT = Path(__file__).resolve().parents[2]
 PRODUCTION, BENCH = ROOT / 'security' / 'policy.xml', ROOT / 'security' / 'test_bench.xml'
@@ -85,7 +85,7 @@ def test_the_policy_is_the_graph_of_the_running_nodes(probe, start):
 
 def test_the_bench_is_allowed_what_the_command_line_uses(probe):
     (allowed,) = profiles(BENCH).values()
-    operator = Operator()
+    operator = OperatorClient()
     try:
         probe.wait(lambda: used(probe.node, operator.get_name()) == allowed,
                    'a graph like the policy')

@@ -22,12 +22,12 @@ from std_srvs.srv import Trigger
 
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
-SECONDS = float(os.environ.get('SOAK_SECONDS', '60'))
+SECONDS = float(os.environ.get('SOAK_SECONDS', '30'))
 WARM_UP = 10
 """Cycles until memory counts: by then every failure has been met once, and every table filled."""
 
-LARGEST_GROWTH = 5.0
-"""Megabytes."""
+LARGEST_GROWTH, GROWTH_A_CYCLE = 5.0, 0.1
+"""Megabytes; where there are few cycles, less counts."""
 
 MECHANISM = mechanism_named('mirror_4_strut')
 HEIGHT = float(MECHANISM.origin[2])
@@ -163,7 +163,8 @@ def test_a_failure_and_a_clearing_every_second(probe, start):
         f'{soak.commands / passed:.0f} commands/s for {soak.readings / passed:.0f} joint '
         f'states/s, longest gap {soak.longest_gap:.2f} s'
     )
-    assert growth < LARGEST_GROWTH, megabytes
+    most = min(LARGEST_GROWTH, GROWTH_A_CYCLE * (len(megabytes) - WARM_UP))
+    assert growth < most, megabytes
     assert not soak.wrong
     # A busy machine skips joint states; the newest is what counts.
     assert soak.longest_gap < 2.0

@@ -10,7 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
 from fault_tolerance.analysis.bags import read_messages, read_samples, write_bag
-from fault_tolerance.analysis.recording import Sample
+from fault_tolerance.analysis.recorded_data import Sample
 from fault_tolerance.analysis.topics import RECORDED
 from fault_tolerance.errors import FaultToleranceError
 

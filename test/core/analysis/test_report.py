@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from core.runs import demonstration, recording
 
-from fault_tolerance.analysis.demonstration import PHASES
+from fault_tolerance.analysis.demo_summary import PHASES
 from fault_tolerance.analysis.figures import STYLES, report_figure
 from fault_tolerance.analysis.phases import Phase
 from fault_tolerance.analysis.report_page import figure_as_svg, report_page, write_report

@@ -12,8 +12,6 @@ from fault_tolerance.campaign.cases import (
     is_tolerable,
     single_failures,
 )
-from fault_tolerance.kinematics.reconfiguration import reconfigured
-from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 COUNTS = {
@@ -23,15 +21,6 @@ COUNTS = {
     'mirror_overactuated': (13, 63),
     'gough_stewart_8': (24, 252),
 }
-# Strut 1's second axis stuck leaves no wy (p = 0), and then a strut that is lost gives it back:
-# the coordinates are all there, a measure is 0. The controller stops.
-GIVEN_BACK = {
-    f'position:theta_5;hard:{strut}' for strut in ('strut_2', 'strut_3')
-}
-
-
-def text(failures):
-    return ';'.join(map(str, failures.failures))
 
 
 @pytest.mark.parametrize('name', MECHANISMS)
@@ -55,6 +44,4 @@ def test_every_verdict_is_that_of_the_independent_model(name):
             expected = reference.absorbing_model(mechanism, values, mechanism.origin, pairs)
         else:
             expected = reference.model(mechanism, values, pairs)
-        assert reconfigured(home_rows(mechanism), case).verdict.tolerable == expected.tolerable
-        given_back = name == 'mirror_overactuated' and text(case) in GIVEN_BACK
-        assert is_tolerable(mechanism, case) == (expected.tolerable and not given_back), text(case)
+        assert is_tolerable(mechanism, case) == expected.tolerable, case

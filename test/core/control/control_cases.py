@@ -5,13 +5,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
-from fault_tolerance.control.reports import ERROR, Report
+from fault_tolerance.control.estimate import ControlModel, control_model
+from fault_tolerance.control.failure_reports import ERROR, Report
+from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.differential import (
     DifferentialKinematics,
     differential_kinematics,
@@ -76,3 +80,36 @@ def place(name: str, seed: int, size: float = 0.02) -> np.ndarray:
     length = size * mechanism.characteristic_length
     wanted = length * mapping @ rng.uniform(-1.0, 1.0, mapping.shape[1])
     return fitted_configuration(mechanism, wanted).actuator_values
+
+
+def watched(supervisor: Supervisor, now: float) -> Output:
+    """Step, compare readings with commands, and return the output that tells of both."""
+    supervisor.step(now)
+    supervisor.watch()
+    return supervisor.step(now)
+
+
+def failing(supervisor: Supervisor, *parts: str) -> None:
+    """Let the named entry points of the kernel raise from now on."""
+    def fail(*_given: object) -> None:
+        raise RuntimeError('a\nfault')
+
+    supervisor.kernel = replace(supervisor.kernel, **dict.fromkeys(parts, fail))
+
+
+def counted(supervisor: Supervisor, part: str) -> list[int]:
+    """Return a list that grows with every call of one of the kernel's entry points."""
+    calls: list[int] = []
+    computed = getattr(supervisor.kernel, part)
+
+    def count(*given: object) -> None:
+        calls.append(len(calls))
+        computed(*given)
+
+    supervisor.kernel = replace(supervisor.kernel, **{part: count})
+    return calls
+
+
+def modelled(mechanism: Mechanism, **settings) -> ControlModel:
+    """Return the model of a mechanism under control, with `Settings` by name."""
+    return control_model(mechanism, Settings(**settings), best_kernel())

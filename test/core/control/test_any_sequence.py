@@ -16,9 +16,9 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from fault_tolerance.control.recovery import State
-from fault_tolerance.control.reports import ERROR, OK, STALE
+from fault_tolerance.control.failure_reports import ERROR, OK, STALE
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
@@ -52,6 +52,7 @@ class Everything(RuleBasedStateMachine):
     def stepped(self):
         """Step, and look at what has come of it."""
         self.output = self.supervisor.step(self.now)
+        self.supervisor.watch()
         self.stopped = self.stopped or self.output.state is State.STOPPED
 
     @rule(seconds=st.sampled_from([0.0, 0.001, 0.004, 0.05, 0.2, 2.0, 3600.0, -0.5, -3600.0]))
@@ -133,7 +134,9 @@ class Everything(RuleBasedStateMachine):
         assert output.rates.shape == (len(self.mechanism.actuators),)
         for array in (output.rates, output.achieved, output.residual):
             assert np.isfinite(array).all()
-        for number in (output.scale, output.secondary_scale, output.jump.major, output.jump.rates):
+        command = output.command
+        jumps = command.major_jump, command.rate_jump
+        for number in (command.scale, command.secondary_scale, *jumps):
             assert np.isfinite(number)
 
     @invariant()
@@ -168,7 +171,8 @@ class Everything(RuleBasedStateMachine):
         present, rates = self.output.post.present, self.output.rates
         size = max(1.0, float(np.abs(rates).max()))
         active = rates[present.active]
-        outside = active - present.active_mapping @ (present.active_mapping.T @ active)
+        mapping = present.mapping[present.active]
+        outside = active - mapping @ (mapping.T @ active)
         assert np.abs(outside).max(initial=0.0) <= 1e-12 * size
         assert (np.abs(rates) <= self.mechanism.velocity_limits * (1.0 + 1e-9)).all()
 

@@ -10,8 +10,8 @@ from core.control.control_cases import report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.ledger import CAPACITY, REPEAT_WINDOW, FailureLedger
-from fault_tolerance.control.reports import ERROR, OK, STALE, WARN
+from fault_tolerance.control.failure_ledger import CAPACITY, REPEAT_WINDOW, FailureLedger
+from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named
 

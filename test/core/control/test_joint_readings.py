@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.readings import JointStateReader, joint_readings, unusable
+from fault_tolerance.control.joint_states import JointStateReader, joint_readings, unusable
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.files import mechanism_from_text
 

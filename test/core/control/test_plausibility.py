@@ -5,10 +5,10 @@
 
 import numpy as np
 import pytest
-from core.control.control_cases import fed, feed, report
+from core.control.control_cases import fed, feed, report, watched
 
-from fault_tolerance.control.recovery import State
-from fault_tolerance.control.reports import WARN
+from fault_tolerance.control.failure_reports import WARN
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 MIRROR = mechanism_named('mirror_4_strut')
@@ -19,28 +19,27 @@ DIRECTION = np.array([1.0, 0.0, -1.0, 0.0])
 
 
 def reasons(output):
-    return [notice.reason for notice in output.notices]
+    return [notice.reason for notice in output.warnings]
 
 
 @pytest.mark.parametrize(('excess', 'told'), [(1e-7, False), (1e-5, True)])
 def test_a_reading_beyond_its_stroke_is_used_and_told_of(excess, told):
     supervisor = fed(MIRROR, velocity=ASKED)
     feed(supervisor, PERIOD, ASKED, (HIGHEST + excess) * DIRECTION)
-    output = supervisor.step(PERIOD)
+    output = watched(supervisor, PERIOD)
 
     assert output.state is State.NOMINAL
     np.testing.assert_allclose(
         output.configuration.actuator_values, (HIGHEST + excess) * DIRECTION, atol=1e-9
     )
-    assert output.out_of_range == (('theta_1', 'theta_3') if told else ())
     assert reasons(output) == (['out_of_range'] if told else [])
     assert ('theta_1, theta_3: beyond the stroke' in output.reason) is told
     metrics = supervisor.metrics()
     assert (metrics.level == WARN) is told
-    assert metrics.out_of_range == output.out_of_range
+    assert metrics.out_of_range == (('theta_1', 'theta_3') if told else ())
 
     feed(supervisor, 2 * PERIOD, ASKED)
-    assert supervisor.step(2 * PERIOD).notices == ()
+    assert watched(supervisor, 2 * PERIOD).warnings == ()
 
 
 def test_a_lost_struts_reading_is_nowhere_out_of_range():
@@ -48,7 +47,8 @@ def test_a_lost_struts_reading_is_nowhere_out_of_range():
     supervisor.reports([report('lost', 'strut_1')], 0.0)
     feed(supervisor, 0.0, ASKED, np.array([1.0, 0.0, 0.0, 0.0]))
 
-    assert supervisor.step(0.0).out_of_range == ()
+    watched(supervisor, 0.0)
+    assert supervisor.metrics().out_of_range == ()
 
 
 def run(moved, asked=ASKED, failures=(), seconds=2.5, **options):
@@ -60,14 +60,14 @@ def run(moved, asked=ASKED, failures=(), seconds=2.5, **options):
         now = number * PERIOD
         sign = 1.0 if number % 10 < 5 else -1.0
         feed(supervisor, now, sign * np.array(asked), values)
-        outputs.append(supervisor.step(now))
+        outputs.append(watched(supervisor, now))
         values = values + PERIOD * np.asarray(moved) * outputs[-1].rates
-    return outputs
+    return supervisor, outputs
 
 
 def test_what_moves_as_told_and_what_is_stuck_and_rests_is_no_matter_for_a_warning():
     for failures in ((), (('stuck', 'theta_4'),), (('free', 'theta_2'),), (('lost', 'strut_3'),)):
-        assert not any(output.notices for output in run(np.ones(4), failures=failures))
+        assert not any(output.warnings for output in run(np.ones(4), failures=failures)[1])
 
 
 def test_a_stuck_actuator_that_moves_is_told_of():
@@ -78,9 +78,9 @@ def test_a_stuck_actuator_that_moves_is_told_of():
         now = number * PERIOD
         away = 1e-5 * np.sin(10.0 * now)
         feed(supervisor, now, ASKED, away * np.array([-1.0, 1.0, -1.0, 1.0]))
-        outputs.append(supervisor.step(now))
+        outputs.append(watched(supervisor, now))
 
-    assert outputs[-1].inconsistent == ('theta_4',)
+    assert supervisor.metrics().inconsistent == ('theta_4',)
     assert reasons(outputs[-1]) == ['inconsistent']
     assert 'theta_4: reported stuck, but moving' in outputs[-1].reason
     assert outputs[-1].state is State.DEGRADED
@@ -88,15 +88,16 @@ def test_a_stuck_actuator_that_moves_is_told_of():
     # Mended, reported so and cleared it is no contradiction any more.
     supervisor.reports([report('none', 'theta_4')], 2.5)
     supervisor.clear(2.5)
-    assert supervisor.step(2.51).notices == ()
+    feed(supervisor, 2.51)
+    assert watched(supervisor, 2.51).warnings == ()
 
 
 def test_an_actuator_that_rests_though_told_to_move_is_told_of_in_time():
     # Small enough a motion to contradict no other reading by much.
-    outputs = run([1.0, 1.0, 0.0, 1.0], asked=[5e-3, 5e-3, 0.0], misfit_limit=1.0)
+    supervisor, outputs = run([1.0, 1.0, 0.0, 1.0], asked=[5e-3, 5e-3, 0.0], misfit_limit=1.0)
 
-    assert not any(output.notices for output in outputs[:95])
-    assert outputs[-1].inconsistent == ('theta_3',)
+    assert not any(output.warnings for output in outputs[:95])
+    assert supervisor.metrics().inconsistent == ('theta_3',)
     assert 'theta_3: told to move, but at rest' in outputs[-1].reason
     assert outputs[-1].state is State.NOMINAL
 
@@ -108,7 +109,7 @@ def test_noise_is_not_taken_for_motion():
     for number in range(1, 125):
         now = number * PERIOD
         feed(supervisor, now, values=2e-9 * rng.standard_normal(4))
-        assert supervisor.step(now).notices == ()
+        assert watched(supervisor, now).warnings == ()
 
 
 def test_a_comparison_starts_anew_after_a_gap():
@@ -119,7 +120,8 @@ def test_a_comparison_starts_anew_after_a_gap():
         # Carried somewhere else while nobody looked.
         there = 1e-5 * np.array([-1.0, 1.0, -1.0, 1.0]) * (number > 45)
         feed(supervisor, now, values=there)
-        assert supervisor.step(now).inconsistent == ()
+        watched(supervisor, now)
+        assert supervisor.metrics().inconsistent == ()
 
 
 def test_readings_in_contradiction_hold_it_with_the_reason_until_they_agree():

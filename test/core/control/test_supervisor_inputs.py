@@ -3,15 +3,17 @@
 
 """The controller's inputs: what is refused, what a silence does, and that it comes back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from core.control.control_cases import fed, feed, report
+from core.control.control_cases import failing, fed, feed, report
 from core.mechanisms import by_numbers, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.recovery import State
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import MOST_ERRORS, Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
@@ -241,18 +243,12 @@ def test_the_first_joint_values_may_be_beyond_any_assembly_too():
     assert supervisor.step(0.0).state is State.NOMINAL
 
 
-def broken_step(monkeypatch):
-    def fail(*_args, **_kwargs):
-        raise RuntimeError('a\nfault')
-
-    monkeypatch.setattr('fault_tolerance.control.command.CommandLaw.resolved', fail)
-
-
-def test_internal_errors_give_zeros_at_once_and_stop_in_the_end(monkeypatch):
+def test_internal_errors_give_zeros_at_once_and_stop_in_the_end():
     supervisor = fed(FSM, velocity=ASKED)
-    with monkeypatch.context() as patch:
-        broken_step(patch)
-        outputs = [supervisor.step(0.0) for _ in range(MOST_ERRORS)]
+    sound = supervisor.kernel
+    failing(supervisor, 'command')
+    outputs = [supervisor.step(0.0) for _ in range(MOST_ERRORS)]
+    supervisor.kernel = sound
     after = supervisor.step(0.0)
 
     assert all(at_rest(output) for output in outputs)
@@ -263,34 +259,33 @@ def test_internal_errors_give_zeros_at_once_and_stop_in_the_end(monkeypatch):
     assert supervisor.step(0.01).rates.any()
 
 
-def test_internal_errors_that_pass_are_forgotten(monkeypatch):
+def test_internal_errors_that_pass_are_forgotten():
     supervisor = fed(FSM, velocity=ASKED)
+    sound = supervisor.kernel
     for _ in range(2 * MOST_ERRORS):
-        with monkeypatch.context() as patch:
-            broken_step(patch)
-            assert supervisor.step(0.0).state is State.HOLD
+        failing(supervisor, 'command')
+        assert supervisor.step(0.0).state is State.HOLD
+        supervisor.kernel = sound
         assert supervisor.step(0.0).state is State.NOMINAL
 
 
-def test_a_failure_reported_during_internal_errors_is_not_lost(monkeypatch):
+def test_a_failure_reported_during_internal_errors_is_not_lost():
     supervisor = fed(FSM, velocity=ASKED)
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            'fault_tolerance.control.judgement.reconfigured',
-            lambda *_: (_ for _ in ()).throw(np.linalg.LinAlgError('no convergence')),
-        )
-        supervisor.reports([report('stuck', 'theta_4')], 0.0)
-        assert at_rest(supervisor.step(0.0))
+    sound = supervisor.kernel
+    failing(supervisor, 'estimate')
+    supervisor.reports([report('stuck', 'theta_4')], 0.0)
+    assert at_rest(supervisor.step(0.0))
+    supervisor.kernel = sound
     output = supervisor.step(0.0)
 
     assert output.state is State.DEGRADED
     assert output.rates[3] == 0.0
 
 
-def test_a_command_that_is_not_finite_never_leaves(monkeypatch):
+def test_a_command_that_is_not_finite_never_leaves():
     supervisor = fed(FSM, velocity=ASKED)
-    monkeypatch.setattr(
-        'fault_tolerance.control.command.singularity_scale', lambda *_: float('nan')
+    supervisor.kernel = replace(
+        supervisor.kernel, command=lambda *given: given[-1].fill(float('nan'))
     )
     output = supervisor.step(0.0)
 

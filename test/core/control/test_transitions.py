@@ -11,12 +11,12 @@ from core.control.control_cases import fed, feed, report
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.recovery import State
+from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
 
 FSM = mechanism_named('fsm_4_strut')
-PERIOD = 0.001
+PERIOD, LONG = 0.001, 1e4
 ASKED = [0.01, 0.02, 0.0]
 STUCK_4 = np.array([-1, -4, -3, 0]) * 0.01 / np.sqrt(2)
 NOMINAL = np.array([1, -2, -1, 2]) * 0.01 / np.sqrt(2)
@@ -30,8 +30,8 @@ class Run:
         self.asked = np.asarray(asked, dtype=float)
         self.now = 0.0
 
-    def step(self):
-        self.now += PERIOD
+    def step(self, period=PERIOD):
+        self.now += period
         feed(self.supervisor, self.now, self.asked)
         return self.supervisor.step(self.now)
 
@@ -102,8 +102,8 @@ def test_at_a_failure_the_major_task_is_followed_from_the_first_command_on():
 
     np.testing.assert_allclose(first.rates, STUCK_4, atol=1e-12)
     assert first.rates[3] == 0.0
-    assert first.jump.major == pytest.approx(0.0, abs=1e-12)
-    assert first.jump.rates == pytest.approx(np.linalg.norm(STUCK_4 - NOMINAL))
+    assert first.command.major_jump == pytest.approx(0.0, abs=1e-12)
+    assert first.command.rate_jump == pytest.approx(np.linalg.norm(STUCK_4 - NOMINAL))
 
 
 def test_a_resumption_starts_from_rest_in_the_direction_asked_for():
@@ -122,13 +122,13 @@ def test_a_resumption_starts_from_rest_in_the_direction_asked_for():
             output.residual, run.asked - output.achieved[[0, 1, 5]], atol=1e-12
         )
     np.testing.assert_array_equal(outputs[-1].rates, target.rates)
-    assert outputs[-1].jump.rates == pytest.approx(2.0 * PERIOD)
+    assert outputs[-1].command.rate_jump == pytest.approx(2.0 * PERIOD)
     twist_scale, _ = scales(FSM)
     first = outputs[0].achieved[[0, 1]] * twist_scale[:2]
-    assert outputs[-1].jump.major == pytest.approx(np.linalg.norm(first))
+    assert outputs[-1].command.major_jump == pytest.approx(np.linalg.norm(first))
     metrics = run.supervisor.metrics()
     assert (metrics.major_jump, metrics.rate_jump) == (
-        outputs[-1].jump.major, outputs[-1].jump.rates
+        outputs[-1].command.major_jump, outputs[-1].command.rate_jump
     )
 
 
@@ -220,10 +220,10 @@ def test_no_velocity_jumps_more_than_without_easing(name, asked, early, late, ki
     first, then = size * np.array(asked[:count]), size * np.array(asked[6 : 6 + count])
     found = []
     for acceleration in (10.0**power, 1e9):
-        # The way there is the same for both, so the limit is put on where it begins to matter.
-        run = Run(mechanism, first, max_acceleration=1e9)
+        run = Run(mechanism, first, max_acceleration=acceleration)
         run.fail(*((mode, parts[index % len(parts)]) for mode, index in early))
-        before = run.steps(2)[-1]
+        # After hours any transition is over: the way there is the same for both.
+        before = [run.step(LONG), run.step(LONG)][-1]
         if kind == 'failure':
             run.fail(*((mode, parts[index % len(parts)]) for mode, index in late))
         elif kind == 'clear':
@@ -234,7 +234,6 @@ def test_no_velocity_jumps_more_than_without_easing(name, asked, early, late, ki
             run.supervisor.pause(True, run.now)
             before = run.step()
             run.supervisor.pause(False, run.now)
-        run.supervisor._transition._max_acceleration = acceleration
         run.asked = then
         after = run.step()
         assume(after.state is not State.STOPPED)
@@ -242,15 +241,18 @@ def test_no_velocity_jumps_more_than_without_easing(name, asked, early, late, ki
 
         kinematics = after.post.present
         active = after.rates[kinematics.active]
-        inside = kinematics.active_mapping @ (kinematics.active_mapping.T @ active)
+        mapping = kinematics.mapping[kinematics.active]
+        inside = mapping @ (mapping.T @ active)
         np.testing.assert_allclose(active, inside, atol=1e-12)
         limits = mechanism.velocity_limits
         assert (np.abs(after.rates) <= limits * (1.0 + 1e-9)).all()
         for index, actuator in enumerate(mechanism.actuator_names):
             if after.failures.mode_of(mechanism, actuator).value in ('position', 'hard'):
                 assert after.rates[index] == 0.0
-        if after.rates.any() and (kind != 'failure' or after.failures != before.failures):
-            told = [after.jump.major, after.jump.rates]
+        # What is too slow to be squared is an end of motion, not a transition.
+        moves = np.linalg.norm(after.rates) > 0.0
+        if moves and (kind != 'failure' or after.failures != before.failures):
+            told = [after.command.major_jump, after.command.rate_jump]
             np.testing.assert_allclose(told, found[-1], rtol=1e-9, atol=1e-12)
         assert all(not step.reason.startswith('internal error') for step in (after, run.step()))
 

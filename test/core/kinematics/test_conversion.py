@@ -7,8 +7,8 @@ from core import cases
 from core.mechanisms import even_mirror, hexapod, made
 
 from fault_tolerance.errors import FailureError
-from fault_tolerance.kinematics.conversion import best_conversion, convert
-from fault_tolerance.kinematics.failures import FailureMode, FailureSet, failure_set
+from fault_tolerance.kinematics.conversion import best_conversion
+from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.measures import present_measures
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
@@ -33,35 +33,6 @@ def words(conversion):
 
 
 BRAKED = equipped(even_mirror(4), brakes=['theta_1', 'theta_2', 'theta_3', 'theta_4'])
-
-
-def test_a_brake_makes_free_into_stuck():
-    failures = broken(BRAKED, 'torque:theta_1', 'position:theta_3')
-    after = convert(BRAKED, failures, 'theta_1', FailureMode.POSITION)
-    assert after == FailureSet(stuck=('theta_1', 'theta_3'))
-
-
-def test_a_release_makes_stuck_or_free_into_lost():
-    failures = broken(BRAKED, 'torque:theta_1', 'position:theta_3')
-    after = convert(BRAKED, failures, 'theta_3', FailureMode.HARD)
-    assert after == FailureSet(free=('theta_1',), lost=('strut_3',))
-    after = convert(BRAKED, after, 'theta_1', FailureMode.HARD)
-    assert after == FailureSet(lost=('strut_1', 'strut_3'))
-
-
-@pytest.mark.parametrize(('name', 'mode', 'reason'), [
-    ('theta_2', FailureMode.POSITION, 'a brake holds a free actuator, and this one is not'),
-    ('theta_3', FailureMode.POSITION, 'a brake holds a free actuator, and this one is not'),
-    ('theta_4', FailureMode.POSITION, 'a brake holds a free actuator, and this one is not'),
-    ('theta_2', FailureMode.HARD, 'has not failed'),
-    ('theta_1', FailureMode.TORQUE, 'no action makes a failure of this kind'),
-    ('theta_1', FailureMode.NONE, 'no action makes a failure of this kind'),
-    ('strut_1', FailureMode.HARD, 'not an actuator'),
-])
-def test_what_cannot_be_converted(name, mode, reason):
-    failures = broken(BRAKED, 'torque:theta_1', 'position:theta_3', 'hard:strut_4')
-    with pytest.raises(FailureError, match=reason):
-        convert(BRAKED, failures, name, mode)
 
 
 def test_without_brakes_and_releases_there_is_nothing_to_choose():
@@ -111,9 +82,8 @@ def test_every_option_is_what_the_rows_say_and_the_best_comes_first():
     assert len(found.options) == 3 * 2 * 2
     assert len({option.failures for option in found.options}) == 12
     for option in found.options:
-        after = failures
-        for old, new in option.actions:
-            after = convert(platform, after, old.name, new.mode)
+        made_of = dict(option.actions)
+        after = failure_set(platform, [made_of.get(one, one) for one in failures.failures])
         assert option.failures == after
         state = reconfigured(rows, after)
         assert option.verdict == state.verdict

@@ -119,10 +119,10 @@ def test_a_strut_without_drives_cannot_be_stuck_but_can_be_lost():
     assert not failure_set(mechanism, [('ok', 'guide')])
 
 
-def test_given_by_numbers_nothing_can_be_lost():
+def test_given_by_its_jacobian_nothing_can_be_lost():
     mechanism = made(by_numbers())
     assert failure_set(mechanism, [('free', 'theta_1')]) == FailureSet(free=('theta_1',))
-    with pytest.raises(FailureError, match='given by numbers has no struts, so none can be lost'):
+    with pytest.raises(FailureError, match='given by its Jacobian has no struts, so none can be'):
         failure_set(mechanism, [('lost', 'theta_1')])
     with pytest.raises(FailureError, match='neither an actuator nor a strut'):
         failure_set(mechanism, [('lost', 'strut_1')])

@@ -12,22 +12,17 @@ from core.mechanisms import made, ups_leg
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.kinematics.closed_form import closed_form_measures, single_measures
+from fault_tolerance.kinematics.actuator_measures import position_measure, torque_measure
 from fault_tolerance.kinematics.failures import failure_set
-from fault_tolerance.kinematics.measures import (
-    next_failure,
-    pair_measures,
-    position_measure,
-    torque_measure,
-)
-from fault_tolerance.kinematics.reconfiguration import reconfigured
-from fault_tolerance.kinematics.rows import home_rows, strut_rows
-from fault_tolerance.kinematics.shortcuts import (
+from fault_tolerance.kinematics.measures import next_failure
+from fault_tolerance.kinematics.paper_formulas import (
     after_position_failure,
     after_torque_failure,
     position_measure_by_theorem_2,
     torque_measure_by_theorem_4,
 )
+from fault_tolerance.kinematics.reconfiguration import reconfigured
+from fault_tolerance.kinematics.rows import home_rows, strut_rows
 from fault_tolerance.mechanism.configuration import home_configuration
 
 COORDINATES = ['wx', 'wy', 'wz', 'vx', 'vy', 'vz']
@@ -130,28 +125,6 @@ def test_bounds_of_the_next_failure(kind, seed):
     assert ahead.torque.min() <= ahead.torque_bound + 1e-9
     everything = np.concatenate([ahead.position, ahead.torque, ahead.hard])
     assert ahead.worst_measure == pytest.approx(everything.min(), abs=1e-9)
-
-
-@given(kinds, seeds)
-@settings(max_examples=25, deadline=None)
-def test_closed_forms(kind, seed):
-    """Relative to 1 they are good to rounding, its square root where a measure vanishes."""
-    nominal = nominal_of(kind(seed))
-    assume(np.linalg.cond(nominal.major) < 1e4)
-    found = closed_form_measures(nominal)
-    count = len(nominal.mapping)
-    singles = single_measures(nominal)
-    for index in range(count):
-        expected = position_measure(nominal, [index]), torque_measure(nominal, [index])
-        assert (found.position[index], found.torque[index]) == pytest.approx(expected, abs=1e-6)
-        assert (singles[0][index], singles[1][index]) == pytest.approx(expected, abs=1e-6)
-        assert found.position_pairs[index, index] == found.position[index]
-    position, torque = pair_measures(nominal)
-    for pair in combinations(range(count), 2):
-        assert found.position_pairs[pair] == pytest.approx(position[pair], abs=1e-5)
-        assert found.torque_pairs[pair] == pytest.approx(torque[pair], abs=1e-6)
-    np.testing.assert_array_equal(found.torque_pairs, found.torque_pairs.T)
-    np.testing.assert_array_equal(found.position_pairs, found.position_pairs.T)
 
 
 @given(kinds, seeds)

@@ -94,6 +94,6 @@ def test_the_rigid_four_strut_mirror_off_home_has_two_freedoms():
     assert home.shape == (4, 3)
 
 
-def test_a_mechanism_given_by_numbers_has_no_loops():
-    with pytest.raises(MechanismError, match='given by numbers has no loops'):
+def test_a_mechanism_given_by_its_jacobian_has_no_loops():
+    with pytest.raises(MechanismError, match='given by its Jacobian has no loops'):
         loop_jacobians(home_configuration(made(by_numbers())))

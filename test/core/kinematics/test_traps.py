@@ -18,18 +18,14 @@ from core.mechanisms import (
     serial_3r,
 )
 
-from fault_tolerance.kinematics.measures import (
-    CONDITION_CAP,
-    next_failure,
-    position_measure,
-    present_measures,
-    torque_measure,
-)
+from fault_tolerance.kinematics.actuator_measures import position_measure, torque_measure
+from fault_tolerance.kinematics.measures import next_failure, present_measures
+from fault_tolerance.kinematics.paper_formulas import position_measure_by_theorem_2
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.kinematics.shortcuts import position_measure_by_theorem_2
 from fault_tolerance.kinematics.subspaces import manipulability
 from fault_tolerance.mechanism.configuration import home_configuration, solved_configuration
+from fault_tolerance.tolerances import CONDITION_CAP
 
 # A constraint singularity at home.
 

@@ -12,7 +12,8 @@ from core.mechanisms import even_mirror, made
 from fault_tolerance.errors import ArrayError, FaultToleranceError, MechanismError
 from fault_tolerance.kinematics.measures import next_failure
 from fault_tolerance.mechanism.arrays import frozen_array
-from fault_tolerance.mechanism.description import Actuator, Joint, Mechanism, Strut
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.parts import Actuator, Joint, Strut
 from fault_tolerance.mechanism.task import COORDINATES, Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
 

@@ -9,7 +9,7 @@ from core.mechanisms import by_numbers, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.errors import ArrayError
+from fault_tolerance.errors import ArrayError, FailureError
 from fault_tolerance.mechanism.configuration import fitted_configuration, solved_configuration
 from fault_tolerance.tolerances import CLOSURE_TOLERANCE
 
@@ -194,7 +194,7 @@ def test_overconstrained_but_mobile():
         assert cases.state(found).present.mobility == 1
 
 
-def test_given_by_numbers_readings_say_nothing():
+def test_given_by_its_jacobian_readings_say_nothing():
     mechanism = made(by_numbers())
     found = fitted_configuration(mechanism, np.array([1.0, np.nan, 0.0, 2.0]))
     assert found.converged and not found.actuator_values.any()
@@ -220,3 +220,8 @@ def test_flexure_strain(name, angle):
 def test_no_strain_about_one_axis():
     assert cases.tilted('fsm_4_strut', 0.03, 0.0).flexure_strain < 1e-15
     assert cases.tilted('fsm_4_strut', 0.0, 0.03, 0.01).flexure_strain < 1e-15
+
+
+def test_a_lost_strut_that_there_is_not_is_a_mistake():
+    with pytest.raises(FailureError, match="not a strut: 'theta_1'; valid: strut_1, strut_2"):
+        fitted_configuration(cases.named('fsm_3_strut'), np.zeros(3), lost=['theta_1'])

@@ -193,7 +193,7 @@ def test_names_of_actuators_may_be_those_of_their_joints():
     assert made(document).actuator_names == ('theta_1', 'ball_1.x', 'theta_2', 'ball_2', 'theta_3')
 
 
-def test_given_by_numbers():
+def test_given_by_its_jacobian():
     mechanism = made(by_numbers())
     assert mechanism.struts == () and mechanism.strut_names == ()
     assert mechanism.actuator_names == ('theta_1', 'theta_2', 'theta_3', 'theta_4')
@@ -203,7 +203,7 @@ def test_given_by_numbers():
     np.testing.assert_allclose(mechanism.working_point.mapping, document['mapping'])
 
 
-def test_given_by_numbers_with_limits_and_encoders():
+def test_given_by_its_jacobian_with_limits_and_encoders():
     document = by_numbers()
     document['actuators'][1] = {
         'name': 'theta_2', 'type': 'revolute', 'position': [-1, 1], 'velocity': 2, 'home': 0.5,
@@ -215,7 +215,7 @@ def test_given_by_numbers_with_limits_and_encoders():
     assert drive.brake
 
 
-def test_given_by_numbers_the_columns_are_made_orthonormal():
+def test_given_by_its_jacobian_the_columns_are_made_orthonormal():
     """Any basis describes the same mechanism: v = J T^+ q' stays."""
     document = by_numbers()
     mix = np.array([[2.0, 1.0, 0.0], [0.0, -3.0, 0.5], [0.1, 0.0, 1.0]])

@@ -137,3 +137,12 @@ def test_batches_are_the_single_ones():
         np.testing.assert_allclose(
             vectors_[index], rotation_vector(poses[index][:3, :3]), atol=1e-15
         )
+
+
+def test_poses_stay_orthonormal():
+    """However many displacements follow one another."""
+    pose, rng = np.eye(4), np.random.default_rng(0)
+    for _ in range(3000):
+        pose = displaced(pose, 0.3 * rng.normal(size=6))
+    np.testing.assert_allclose(pose[:3, :3].T @ pose[:3, :3], np.eye(3), atol=1e-15)
+    np.testing.assert_array_equal(pose[3], [0, 0, 0, 1])

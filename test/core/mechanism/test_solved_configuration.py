@@ -204,12 +204,12 @@ def test_bad_values_are_named(given_, message):
         solved_configuration(cases.named('fsm_3_strut'), given_)
 
 
-def test_given_by_numbers_there_is_one_configuration():
+def test_given_by_its_jacobian_there_is_one_configuration():
     mechanism = made(by_numbers())
     for configuration in (home_configuration(mechanism), solved_configuration(mechanism, {})):
         assert configuration.converged and not configuration.actuator_values.any()
         np.testing.assert_array_equal(configuration.pose, np.eye(4))
-        with pytest.raises(MechanismError, match='by_numbers: struts: .* given by numbers'):
+        with pytest.raises(MechanismError, match='by_numbers: struts: .* given by its Jacobian'):
             _ = configuration.constraints
     with pytest.raises(MechanismError, match='no configuration but its working point'):
         solved_configuration(mechanism, {'theta_1': 0.0})

@@ -10,7 +10,7 @@ from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.faults import fault_command
 from fault_tolerance.simulation.plant import ElasticPlant
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 UNLOADED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

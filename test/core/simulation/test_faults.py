@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from plant_cases import BY_NUMBERS, MECHANISMS
 
 from fault_tolerance.errors import FailureError
-from fault_tolerance.kinematics.failures import mode_from_word, mode_words
+from fault_tolerance.mechanism.failure_modes import mode_from_word, mode_words
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.faults import FAULT_WORDS, FaultBook, FaultCommand, fault_command
 

@@ -11,7 +11,7 @@ from plant_cases import BY_NUMBERS, MECHANISMS
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.chains import chains_of, forward_kinematics
 from fault_tolerance.mechanism.files import mechanism_from_text
-from fault_tolerance.mechanism.screws import displaced, moved_to
+from fault_tolerance.mechanism.screws import displaced, transformed
 from fault_tolerance.simulation.elastic import attached_values
 from fault_tolerance.simulation.linkage import Linkage
 
@@ -32,7 +32,8 @@ def test_two_independent_forward_kinematics_agree(name):
         screws, tips = forward_kinematics(chains_of(mechanism), values)
         assert np.allclose(placement.rotations, tips[:, :3, :3], atol=1e-12)
         assert np.allclose(placement.origins, tips[:, :3, 3], atol=1e-12)
-        twists = np.stack([moved_to(screws[i], tips[i, :3, 3]) for i in range(len(tips))])
+        twists = np.stack([
+            transformed(np.eye(4), screws[i], tips[i, :3, 3]) for i in range(len(tips))])
         twists[..., :3] *= mechanism.characteristic_length
         assert np.allclose(np.swapaxes(placement.motions, 1, 2), twists, atol=1e-12)
 

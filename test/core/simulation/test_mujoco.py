@@ -21,7 +21,7 @@ from fault_tolerance.simulation.engines import ENGINES, plant_named, require_eng
 from fault_tolerance.simulation.faults import fault_command
 from fault_tolerance.simulation.mjcf import Masses, mjcf_text
 from fault_tolerance.simulation.mujoco import MujocoPlant
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 NOWHERE = (0.0, 0.0, 0.0)
 PLATFORM_WEIGHT = 9.81 * 20.0 * np.pi * 0.02**2
@@ -222,9 +222,9 @@ def test_bad_orders_are_refused():
         plant.command([1.0, 0.0, 0.0, np.nan])
     with pytest.raises(ArrayError, match='dt: 2.0 s is not between 0 and 1.0 s'):
         plant.step(2.0)
-    with pytest.raises(MechanismError, match='given by numbers only cannot be simulated'):
+    with pytest.raises(MechanismError, match='given by its Jacobian only cannot be simulated'):
         MujocoPlant(mechanism_from_text(BY_NUMBERS))
-    with pytest.raises(MechanismError, match='given by numbers only cannot be simulated'):
+    with pytest.raises(MechanismError, match='given by its Jacobian only cannot be simulated'):
         mjcf_text(mechanism_from_text(BY_NUMBERS))
     with pytest.raises(EngineError, match="engine 'bullet' is not one of elastic, mujoco"):
         plant_named('bullet', MECHANISMS['mirror_4_strut'])

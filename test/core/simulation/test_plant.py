@@ -23,7 +23,7 @@ from fault_tolerance.kinematics.rows import home_rows, strut_rows
 from fault_tolerance.mechanism.configuration import fitted_configuration
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.plant import ElasticPlant
-from fault_tolerance.simulation.settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import PlantSettings
 
 # The worked cases of the four-strut mirror, v = (0.01, 0.02, 0) (docs/theory.md).
 HALF = 0.5**0.5
@@ -337,7 +337,7 @@ def test_settings_that_make_no_sense_are_refused(settings, message):
 
 
 def test_a_mechanism_given_by_numbers_cannot_be_simulated():
-    with pytest.raises(MechanismError, match='given by numbers only cannot be simulated'):
+    with pytest.raises(MechanismError, match='given by its Jacobian only cannot be simulated'):
         ElasticPlant(mechanism_from_text(BY_NUMBERS))
 
 

@@ -1,0 +1,226 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The failures in force: what each source has reported, latched until it is cleared.
+
+A failure stays when its reporter falls silent. Different sources add up; the same source (status
+name and hardware id) replaces what it said before. One message counts as one statement: where a
+source contradicts itself in it, the worse mode holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import NamedTuple
+
+from fault_tolerance.control.failure_reports import STALE, Report, Statement, interpret
+from fault_tolerance.control.notices import Notice, clean
+from fault_tolerance.kinematics.failures import (
+    FailureMode,
+    FailureSet,
+    actuators_named,
+    failure_set,
+    strut_named,
+)
+from fault_tolerance.mechanism.description import Mechanism
+
+REPEAT_WINDOW = 1.5
+"""Seconds after a clear during which reports stamped before it are taken for late arrivals."""
+
+CAPACITY = 256
+"""Sources told apart; what further ones report adds up, but cannot be replaced any more."""
+
+
+class LedgerUpdate(NamedTuple):
+    """What a message of reports did; true if anything changed."""
+
+    changed: bool
+    """Whether the failures in force, or the demand to stop, changed."""
+    notices: tuple[Notice, ...] = ()
+
+    def __bool__(self) -> bool:
+        return self.changed
+
+
+@dataclass(frozen=True)
+class LedgerClear:
+    """What a clear did."""
+
+    released: tuple[str, ...]
+    """Failures that are gone, as text."""
+    remaining: tuple[str, ...]
+    """Failures that are still reported."""
+
+
+class _Entry(NamedTuple):
+    """A latched statement, when it was last made, and whether it was taken back since."""
+
+    statement: Statement
+    heard: float
+    healed: bool = False
+
+
+_Source = tuple[str, str]
+
+
+class FailureLedger:
+    """Latches failure reports on ``mechanism`` and gives the failures in force.
+
+    With ``auto_clear`` a source that reports its part healthy releases its failure; with
+    ``stop_on_unknown_mode`` an unknown mode at level ERROR or above demands a stop. A failure
+    counts as still reported for ``report_timeout`` seconds.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        auto_clear: bool = False,
+        stop_on_unknown_mode: bool = True,
+        report_timeout: float = 3.0,
+    ) -> None:
+        self._mechanism = mechanism
+        self._auto_clear = auto_clear
+        self._stop_on_unknown_mode = stop_on_unknown_mode
+        self._report_timeout = report_timeout
+        self._entries: dict[_Source, _Entry] = {}
+        self._cleared_at: float | None = None
+        self.failures = FailureSet()
+        self.stop_reason = ''
+        """Why the reports demand a stop by themselves; empty if they do not."""
+
+    def apply(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
+        """Take the ``reports`` of one message, received at ``now`` (s); return what they did."""
+        before = (self.failures, self.stop_reason)
+        notices: list[Notice] = []
+        message = self._statements(reports, now, notices)
+        news = [source for source, said in message.items() if self._latch(source, *said, notices)]
+        if news:
+            self._refresh()
+            if len(message) > 1:
+                notices.extend(self._conflicts(statement for _, statement in message.values()))
+        return LedgerUpdate((self.failures, self.stop_reason) != before, tuple(notices))
+
+    def clear(self, now: float) -> LedgerClear:
+        """Release every failure not still reported at ``now`` (s); return which they are."""
+        self._cleared_at = now
+        kept = {
+            source: entry
+            for source, entry in self._entries.items()
+            if not entry.healed and now - entry.heard < self._report_timeout
+        }
+        remaining = _texts(kept.values())
+        released = tuple(text for text in _texts(self._entries.values()) if text not in remaining)
+        self._entries = kept
+        self._refresh()
+        return LedgerClear(released, remaining)
+
+    def restart_clock(self, now: float) -> None:
+        """Forget times later than ``now`` (s): the clock was set back."""
+        self._cleared_at = None
+        for source, entry in self._entries.items():
+            self._entries[source] = entry._replace(heard=min(entry.heard, now))
+
+    def _statements(
+        self, reports: Sequence[Report], now: float, notices: list[Notice]
+    ) -> dict[_Source, tuple[float, Statement]]:
+        """Return what each source states in one message, and since when."""
+        message: dict[_Source, tuple[float, Statement]] = {}
+        for report in reports:
+            given = report.stamp if report.stamp is not None and isfinite(report.stamp) else now
+            # A source whose clock is ahead must not count as reporting for longer.
+            stamp = min(given, now)
+            entry = self._entries.get(report.source)
+            statement = _repeated(report, entry) if entry else None
+            if statement is None:
+                statement, remarks = interpret(
+                    report, self._mechanism, stop_on_unknown_mode=self._stop_on_unknown_mode
+                )
+                notices.extend(remarks)
+            if statement is None:
+                continue
+            # A late report that a part is healthy is still true.
+            if statement.mode is not FailureMode.NONE and self._came_late(stamp, now):
+                text = f'{report.target} {report.mode}: reported before the last clear'
+                notices.append(Notice('before_clear', clean(text)))
+                continue
+            source = self._place(report.source, statement)
+            earlier = message.get(source)
+            if earlier and earlier[0] == stamp and earlier[1].severity > statement.severity:
+                continue
+            message[source] = (stamp, statement)
+        return message
+
+    def _came_late(self, stamp: float, now: float) -> bool:
+        """Return whether a failure was reported before the last clear, and may be gone."""
+        cleared_at = self._cleared_at
+        return cleared_at is not None and stamp < cleared_at and now - cleared_at <= REPEAT_WINDOW
+
+    def _place(self, source: _Source, statement: Statement) -> _Source:
+        """Return the key a statement is kept under; past the capacity, one per failure."""
+        if source in self._entries or len(self._entries) < CAPACITY:
+            return source
+        return ('', f'{statement.target} {statement.severity}')
+
+    def _latch(
+        self, source: _Source, stamp: float, statement: Statement, notices: list[Notice]
+    ) -> bool:
+        """Keep a statement; return whether it is news."""
+        entry = self._entries.get(source)
+        if statement.mode is not FailureMode.NONE:
+            self._entries[source] = _Entry(statement, stamp)
+            return entry is None or entry.statement != statement
+        if entry and self._auto_clear:
+            del self._entries[source]
+            return True
+        if entry and not entry.healed:
+            self._entries[source] = entry._replace(healed=True)
+            text = f'{entry.statement.text} is reported healthy, but stays until it is cleared'
+            notices.append(Notice('latched', text, rejected=False))
+        return False
+
+    def _refresh(self) -> None:
+        """Derive what follows from the entries."""
+        known, unknown = [], []
+        for said, *_ in self._entries.values():
+            if said.mode is None:
+                unknown.append(said.text)
+            else:
+                known.append((said.mode, said.target))
+        self.failures = failure_set(self._mechanism, known)
+        self.stop_reason = f'unknown failure mode of {", ".join(unknown)}' if unknown else ''
+
+    def _conflicts(self, statements: Iterable[Statement]) -> Iterator[Notice]:
+        """Warn of actuators that one message gives several modes."""
+        modes: dict[str, set[FailureMode]] = {}
+        for said in statements:
+            if said.mode is not None and said.mode is not FailureMode.NONE:
+                for name in self._meant(said):
+                    modes.setdefault(name, set()).add(said.mode)
+        for name, found in modes.items():
+            if len(found) > 1:
+                words = ' and '.join(sorted(mode.value for mode in found))
+                used = self.failures.mode_of(self._mechanism, name).value
+                text = f'{name} is reported as {words} in one message: {used} is used'
+                yield Notice('conflicting_modes', text, rejected=False)
+
+    def _meant(self, statement: Statement) -> tuple[str, ...]:
+        """Return the actuators a statement is about."""
+        if statement.mode is FailureMode.HARD:
+            return self._mechanism.actuators_of(strut_named(self._mechanism, statement.target))
+        return actuators_named(self._mechanism, statement.target)
+
+
+def _repeated(report: Report, entry: _Entry) -> Statement | None:
+    """Return the latched statement that a report repeats, if it does."""
+    if report.level == STALE:
+        return None
+    same = (entry.statement.target, entry.statement.word) == (report.target, report.mode)
+    return entry.statement if same and not entry.healed else None
+
+
+def _texts(entries: Iterable[_Entry]) -> tuple[str, ...]:
+    """Return each failure once, as text."""
+    return tuple(dict.fromkeys(entry.statement.text for entry in entries))

@@ -1,0 +1,155 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Failure reports: what a diagnostic status says about a part of this mechanism.
+
+A status is a failure report when it carries a failure mode (mechanism/failure_modes.py) and its
+hardware id is the name of an actuator or a strut, alone or behind a prefix: ``strut_4``,
+``mirror/strut_4``. The prefix keeps robots apart that share one diagnostics topic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+from fault_tolerance.control.notices import Notice, clean
+from fault_tolerance.errors import FailureError
+from fault_tolerance.kinematics.failures import FailureMode, failure_set
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.failure_modes import mode_from_word
+
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
+"""The levels of a diagnostic status."""
+
+LONGEST_WORD = 40
+"""Characters of a failure mode that are looked at."""
+
+
+class Report(NamedTuple):
+    """What one source says about one actuator or strut."""
+
+    source: tuple[str, str]
+    """Who says it: the status' name and hardware id."""
+    target: str | None
+    """The actuator or strut; None where the hardware id names nothing of this mechanism."""
+    mode: str
+    """The failure mode as it was written."""
+    level: int
+    """The diagnostic level."""
+    stamp: float | None = None
+    """When it was written, seconds on the time line of ``now``; None: when it is received."""
+
+
+class Statement(NamedTuple):
+    """A report understood."""
+
+    target: str
+    """Actuator or strut."""
+    mode: FailureMode | None
+    """None: a mode nobody understands, at a level that cannot be passed over."""
+    word: str
+    """The mode as it was written."""
+
+    @property
+    def severity(self) -> int:
+        """How bad it is, for comparison: none, torque, position, hard, unknown."""
+        return self.mode.severity if self.mode else len(FailureMode)
+
+    @property
+    def text(self) -> str:
+        """It in words, as in ``theta_4 (position)``."""
+        return f'{self.target} ({self.mode.value if self.mode else self.word})'
+
+
+def target_of(hardware_id: str, prefix: str, names: Collection[str]) -> str | None:
+    """Return the one of ``names`` (actuators and struts) that ``hardware_id`` stands for.
+
+    None where it names none of them, or carries the prefix of another robot than ``prefix``.
+    """
+    if hardware_id in names:
+        return hardware_id
+    if is_foreign(hardware_id, prefix):
+        return None
+    name = hardware_id.rpartition('/')[2]
+    return name if name in names else None
+
+
+def is_foreign(hardware_id: str, prefix: str) -> bool:
+    """Return whether ``hardware_id`` (``NAME`` or ``PREFIX/NAME``) is of another robot.
+
+    ``prefix`` is that of this robot; if it is empty, any is accepted.
+    """
+    given = hardware_id.strip('/').rpartition('/')[0]
+    expected = prefix.strip('/')
+    return bool(given) and bool(expected) and given != expected
+
+
+def report_of(
+    name: str,
+    hardware_id: str,
+    level: int,
+    mode: str | None,
+    stamp: float | None,
+    *,
+    prefix: str,
+    names: Collection[str],
+) -> Report | None:
+    """Return the report a diagnostic status makes.
+
+    From its ``name``, ``hardware_id`` and ``level``, the value ``mode`` of its key
+    ``failure_mode`` (None where it has no such key) and its ``stamp``, see `Report`; ``prefix``
+    and ``names`` as in `target_of`. None where it is no failure report, or for another robot.
+    """
+    if mode is None:
+        return None
+    target = target_of(hardware_id, prefix, names)
+    if target is None and is_foreign(hardware_id, prefix):
+        return None
+    if hardware_id not in names:
+        hardware_id = clean(hardware_id)
+    word = clean(mode.strip(), LONGEST_WORD)
+    return Report((clean(name), hardware_id), target, word, level, stamp)
+
+
+def interpret(
+    report: Report, mechanism: Mechanism, *, stop_on_unknown_mode: bool
+) -> tuple[Statement | None, tuple[Notice, ...]]:
+    """Return what ``report`` states about ``mechanism``, None if nothing, and remarks about it.
+
+    With ``stop_on_unknown_mode`` an unknown mode at level ERROR or above is a statement too: it
+    demands a stop.
+    """
+    target = report.target
+    if target is None:
+        known = ', '.join((*mechanism.actuator_names, *mechanism.strut_names))
+        text = f'failure report for {clean(report.source[1])!r}; known: {known}'
+        return None, (Notice('unknown_name', text),)
+    if report.level == STALE:
+        return None, (Notice('stale_report', ''),)
+    word = clean(report.mode.strip(), LONGEST_WORD)
+    try:
+        mode = mode_from_word(word)
+    except FailureError as error:
+        stops = stop_on_unknown_mode and report.level >= ERROR
+        notice = Notice('unknown_mode', f'{target}: {error}')
+        return Statement(target, None, word) if stops else None, (notice,)
+    statement = Statement(target, mode, word)
+    try:
+        failure_set(mechanism, [(mode, target)])
+    except FailureError as error:
+        return None, (Notice('refused_mode', f'{statement.text}: {error}'),)
+    return statement, _level_notices(report, statement)
+
+
+def _level_notices(report: Report, statement: Statement) -> tuple[Notice, ...]:
+    if report.level not in (OK, WARN, ERROR):
+        text = f'{statement.text} came with level {report.level}, taken as ERROR (2)'
+        return (Notice('odd_level', text, rejected=False),)
+    if report.level == OK and statement.mode is not FailureMode.NONE:
+        text = (
+            f'{statement.text} came with level OK and is applied; on a command line write '
+            '`level: [2]`, as `level: 2` arrives as 0'
+        )
+        return (Notice('level_ok', text, rejected=False),)
+    return ()

@@ -1,0 +1,265 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The kernel in two forms of one source: as Python, and as machine code by numba.
+
+Nothing in the kernel's modules knows of numba. `compiled_kernel` makes copies of their functions
+that call each other's compiled forms. What numba has made is kept on disk, in a folder named by
+the sources' digest: numba itself would not notice a change in a function that another one calls.
+"""
+
+from __future__ import annotations
+
+import dis
+import os
+import platform
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+from fault_tolerance import tolerances
+from fault_tolerance.kernel import (
+    closing,
+    commanding,
+    elimination,
+    estimation,
+    factorisation,
+    law,
+    margins,
+    model,
+    motions,
+    placement,
+)
+
+MODULES: tuple[ModuleType, ...] = (
+    factorisation, model, placement, elimination, motions, closing, margins, law,
+    estimation, commanding,
+)
+"""Every module of the kernel after those it imports."""
+
+SWITCH = 'FAULT_TOLERANCE_KERNEL'
+"""The environment variable that chooses the form: ``python`` or ``compiled`` (the default)."""
+
+
+SHORT = 120
+"""Bytes of bytecode; shorter functions are inlined."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """The entry points in one form.
+
+    Attributes
+    ----------
+    estimate, command, measures : callable
+        See `fault_tolerance.kernel.estimation` and `commanding`.
+    compiled : bool
+        Whether they are machine code.
+    reason : str
+        Why they are not, where that was asked for.
+    """
+
+    estimate: Callable[..., None]
+    command: Callable[..., None]
+    measures: Callable[..., None]
+    compiled: bool
+    reason: str = ''
+
+
+def python_kernel(reason: str = '') -> Kernel:
+    """Return the kernel as Python: about a hundred times slower, ready at once.
+
+    Parameters
+    ----------
+    reason : str
+        Why it is not compiled.
+    """
+    return Kernel(
+        estimation.estimate, commanding.command, estimation.measures, False, reason
+    )
+
+
+def announced_kernel() -> Kernel:
+    """Return `best_kernel`; say on standard error if it has to be compiled, or cannot be."""
+    if is_wanted() and not is_cached():
+        _announce(f'compiling for this machine, once, about a minute ({cache_folder()})')
+    kernel = best_kernel()
+    if kernel.reason and is_wanted():
+        _announce(f'slow, as it is not compiled: {kernel.reason}')
+    return kernel
+
+
+@cache
+def _announce(text: str) -> None:
+    """Say something once."""
+    print(f'fault_tolerance: {text}', file=sys.stderr, flush=True)
+
+
+@cache
+def best_kernel() -> Kernel:
+    """Return the compiled kernel, made now if it has never been; as Python where numba fails."""
+    if not is_wanted():
+        return python_kernel(f'{SWITCH}={os.environ[SWITCH]}')
+    try:
+        return compiled_kernel()
+    except ImportError as error:
+        return python_kernel(f'numba is missing ({error})')
+    except Exception as error:  # a numba too old or too new for numpy fails in many ways
+        return python_kernel(f'numba fails ({type(error).__name__}: {error})')
+
+
+@cache
+def compiled_kernel() -> Kernel:
+    """Return the kernel as machine code: from the cache in under a second, else compiled now.
+
+    Raises
+    ------
+    ImportError
+        Where numba is missing.
+    """
+    numba: Any = import_module('numba')
+    inner = {'error_model': 'numpy', 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+    copies = {one: _copy(one) for module in MODULES for one in _functions(module)}
+    inlined = _inlined(list(copies))
+    made = {
+        one: numba.njit(**inner, inline='always' if one in inlined else 'never')(copy)
+        for one, copy in copies.items() if one not in _SIGNATURES
+    }
+    for copy in copies.values():
+        copy.__globals__.update({
+            name: made[value] for name, value in copy.__globals__.items()
+            if isinstance(value, FunctionType) and value in made
+        })
+    kinds = _kinds(numba.types)
+    estimate, command, measures = (
+        _cached(numba, copies[one], tuple(kinds[kind] for kind in signature))
+        for one, signature in _SIGNATURES.items()
+    )
+    return Kernel(estimate, command, measures, True)
+
+
+def is_wanted() -> bool:
+    """Return whether the environment leaves the compiled form to be chosen."""
+    return os.environ.get(SWITCH, 'compiled') == 'compiled'
+
+
+def is_cached() -> bool:
+    """Return whether the machine code is there already."""
+    return cache_folder().is_dir() and len(list(cache_folder().rglob('*.nbi'))) >= len(_SIGNATURES)
+
+
+def cache_folder() -> Path:
+    """Return where machine code is kept: another place for whatever it depends on.
+
+    That is the sources with their place and time, by which numba tells them apart, Python, numba,
+    numpy, and the processor.
+    """
+    digest = sha256(f'{__file__} {sys.version} {_processor()}'.encode())
+    for path in (__file__, tolerances.__file__, *(module.__file__ for module in MODULES)):
+        source = Path(str(path))
+        digest.update(source.read_bytes() + str(source.stat().st_mtime_ns).encode())
+    for name in ('numba', 'numpy'):
+        try:
+            digest.update(version(name).encode())
+        except PackageNotFoundError:
+            digest.update(b'none')
+    home = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    return Path(home) / 'fault_tolerance' / digest.hexdigest()[:16]
+
+
+def _processor() -> str:
+    """Return what the processor calls itself, as far as the system tells."""
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+    except OSError:
+        return platform.processor()
+    return next((line for line in lines if line.startswith('model name')), platform.machine())
+
+
+_SIGNATURES: dict[Any, tuple[str, ...]] = {
+    estimation.estimate: ('counts', 'numbers', 'given', 'given', 'given', 'numbers'),
+    commanding.command: (
+        'counts', 'numbers', 'given', 'given', 'given', 'given', 'number', 'flag', 'numbers',
+    ),
+    estimation.measures: ('counts', 'numbers', 'given', 'numbers'),
+}
+"""What the entry points take. Compiled for these types at once, nothing is left for later."""
+
+
+def _kinds(types: Any) -> dict[str, Any]:
+    """Return numba's types of what is in `_SIGNATURES`; what is given is read-only."""
+    return {
+        'counts': types.Array(types.int64, 1, 'C'),
+        'numbers': types.Array(types.float64, 1, 'C'),
+        'given': types.Array(types.float64, 1, 'C', readonly=True),
+        'number': types.float64,
+        'flag': types.boolean,
+    }
+
+
+def _functions(module: ModuleType) -> list[FunctionType]:
+    """Return the functions that a module defines."""
+    return [
+        one for one in vars(module).values()
+        if isinstance(one, FunctionType) and one.__module__ == module.__name__
+    ]
+
+
+def _inlined(functions: list[FunctionType]) -> set[FunctionType]:
+    """Return those that numba is to inline: called at one place only, or short.
+
+    numba optimises a function anew, with all that it calls, wherever it is called: this saves a
+    quarter of the time of compiling, and a tenth of that of running.
+    """
+    sites = Counter(
+        function.__globals__.get(each.argval)
+        for function in functions
+        for each in dis.get_instructions(function) if each.opname == 'LOAD_GLOBAL'
+    )
+    return {
+        one for one in functions if sites[one] == 1 or len(one.__code__.co_code) < SHORT
+    }
+
+
+def _copy(function: FunctionType) -> FunctionType:
+    """Return a copy of ``function`` with globals of its own."""
+    copy = FunctionType(
+        function.__code__, dict(function.__globals__), function.__name__, function.__defaults__
+    )
+    copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
+    return copy
+
+
+def can_be_kept() -> bool:
+    """Return whether machine code can be written to `cache_folder`, which is made if need be."""
+    try:
+        cache_folder().mkdir(parents=True, exist_ok=True)
+        return os.access(cache_folder(), os.W_OK)
+    except OSError:
+        return False
+
+
+def _cached(numba: Any, function: FunctionType, signature: tuple[Any, ...]) -> Any:
+    """Return ``function`` compiled for one signature, kept on disk where that can be written."""
+    def made(*, cache: bool) -> Any:
+        return numba.njit([signature], error_model='numpy', cache=cache)(function)
+
+    # numba would go on to other folders, which do not tell one state of the sources from another.
+    if not can_be_kept():
+        return made(cache=False)
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(cache_folder())
+    try:
+        return made(cache=True)
+    except (OSError, RuntimeError):  # such as a full disk
+        return made(cache=False)
+    finally:
+        numba.config.CACHE_DIR = before

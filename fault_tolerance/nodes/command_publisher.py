@@ -1,0 +1,75 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Commands to the drives, as JointGroupVelocityController takes them."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.messages import array_to_msg, twist_to_msg
+from fault_tolerance.nodes.timeline import TimeLine
+
+_ACKNOWLEDGEMENT_TIMEOUT = 0.5
+
+
+class CommandPublisher:
+    """Publishes the rates of all actuators, and the platform velocity they produce.
+
+    Parameters
+    ----------
+    node : Node
+    mechanism : Mechanism
+    base_frame : str
+        ``frame_id`` of the platform velocity.
+    timeline : TimeLine
+    """
+
+    def __init__(
+        self, node: Node, mechanism: Mechanism, base_frame: str, timeline: TimeLine
+    ) -> None:
+        self._timeline = timeline
+        self._frame = base_frame
+        self._signs = mechanism.rates_from_readings(np.ones(len(mechanism.actuators)))
+        # The message is created once; `_rates` is its data.
+        self._message = array_to_msg(0.0 * self._signs)
+        self._rates = np.frombuffer(self._message.data)
+        self._commands = node.create_publisher(
+            Float64MultiArray, 'velocity_controller/commands', 10
+        )
+        self._achieved = node.create_publisher(TwistStamped, '~/achieved_velocity', 10)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the last command moves anything."""
+        return bool(self._rates.any())
+
+    def publish(self, rates: FloatArray, achieved: FloatArray) -> None:
+        """Publish a command.
+
+        Parameters
+        ----------
+        rates : (N,) array
+            Joint rates in the mechanism's order, rad/s or m/s.
+        achieved : (6,) array
+            Twist ``[w; v]`` of the platform that they produce, rad/s and m/s.
+        """
+        np.multiply(self._signs, rates, out=self._rates)
+        # Turn the -0.0 of a resting drive into 0.0.
+        self._rates += 0.0
+        self._commands.publish(self._message)
+        if self._achieved.get_subscription_count():
+            stamp = self._timeline.stamp()
+            self._achieved.publish(twist_to_msg(stamp, self._frame, achieved))
+
+    def stop(self) -> None:
+        """Publish zeros, and wait until they are acknowledged."""
+        self._rates[:] = 0.0
+        self._commands.publish(self._message)
+        self._commands.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIMEOUT))

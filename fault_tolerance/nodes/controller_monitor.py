@@ -1,0 +1,154 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The state of a running controller, from its topics, for the live view."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from functools import partial
+from time import monotonic
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from std_msgs.msg import Float64MultiArray, String
+
+from fault_tolerance.analysis import topics
+from fault_tolerance.analysis.snapshot import Actuator, Snapshot, Strut
+from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.description import Mechanism
+
+ERRORS_KEPT = 300
+"""Pointing errors in the sparkline: three seconds at 100 Hz."""
+
+REFRESH_PERIOD = 0.2
+"""Seconds between two pictures."""
+
+# Decay per command of the largest recent rate: half in about a second at 100 Hz.
+_FORGETTING = 0.993
+_UNITS = {'revolute': 'rad/s', 'prismatic': 'm/s'}
+_SHOWN = {
+    'retained_manipulability': 'manipulability retained',
+    'condition_number': 'condition number',
+    'recovery_time_us': 'recovery time, us',
+}
+
+
+class ControllerMonitor:
+    """Subscribes to one controller, in the namespace of ``node``, and summarises its state.
+
+    ``mechanism`` is for limits and units; by default the shipped one that the controller names.
+    """
+
+    def __init__(self, node: Node, mechanism: Mechanism | None = None) -> None:
+        self._mechanism = mechanism
+        self._namespace = node.get_namespace()
+        self._state = ''
+        self._heard = monotonic()
+        self._metrics: DiagnosticArray | None = None
+        self._rates: list[float] = []
+        self._fastest = 0.0
+        self._errors: deque[float] = deque(maxlen=ERRORS_KEPT)
+        self._names: dict[str, list[str]] = {'position': [], 'hard': []}
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(String, topics.STATE, self._take_state, latched)
+        node.create_subscription(DiagnosticArray, topics.METRICS, self._take_metrics, 10)
+        node.create_subscription(Float64MultiArray, topics.COMMANDS, self._take_rates, 10)
+        node.create_subscription(
+            Vector3Stamped, topics.POINTING_ERROR, self._take_error, qos_profile_sensor_data
+        )
+        for mode in self._names:
+            take = partial(self._take_names, mode)
+            node.create_subscription(Float64MultiArray, f'{topics.METRICS}/{mode}', take, 10)
+
+    def snapshot(self) -> Snapshot:
+        """Return a summary of the newest messages."""
+        status = self._metrics.status if self._metrics else []
+        by_name = {one.name.partition(': ')[2]: one for one in status}
+        overall = _values(by_name.get('mechanism'))
+        told = by_name['mechanism'].message if 'mechanism' in by_name else ''
+        worst, _, measure = overall.get('worst_next', '').rpartition(' ')
+        return Snapshot(
+            title=self._title(by_name.get('mechanism')),
+            state=self._state,
+            # ~/state is published before the metrics: until they follow, the reason is unknown.
+            reason=told.partition(': ')[2] if told.startswith(self._state) else '',
+            failures=tuple(filter(None, overall.get('failures', '').split(', '))),
+            worst_next=worst,
+            worst_measure=_number(measure) or 0.0,
+            values={words: number for key, words in _SHOWN.items()
+                    if (number := _number(overall.get(key)))},
+            actuators=self._actuators(by_name),
+            struts=tuple(
+                Strut(name, found.get('failure', 'none'), _number(found.get('hard')))
+                for name in self._names['hard']
+                for found in [_values(by_name.get(name))]
+            ),
+            errors=tuple(self._errors),
+            fastest=self._fastest,
+            age=monotonic() - self._heard,
+        )
+
+    def _actuators(self, by_name: dict[str, DiagnosticStatus]) -> tuple[Actuator, ...]:
+        names = self._names['position']
+        rates = self._rates if len(self._rates) == len(names) else [None] * len(names)
+        machine = self._mechanism
+        if machine is None or list(machine.actuator_names) != names:
+            limits, units = [math.inf] * len(names), [''] * len(names)
+        else:
+            limits = machine.velocity_limits.tolist()
+            units = [_UNITS[one.kind] for one in machine.actuators]
+        found = [_values(by_name.get(name)) for name in names]
+        return tuple(
+            Actuator(name, values.get('failure', 'none'),
+                     _number(values.get('position')), _number(values.get('torque')), *rest)
+            for name, values, *rest in zip(names, found, rates, limits, units, strict=True)
+        )
+
+    def _title(self, status: DiagnosticStatus | None) -> str:
+        name = status.hardware_id.rpartition('/')[2] if status else 'fault_tolerance'
+        return name if self._namespace == '/' else f'{name} in {self._namespace}'
+
+    def _take_state(self, message: String) -> None:
+        self._state = message.data
+        self._heard = monotonic()
+
+    def _take_metrics(self, message: DiagnosticArray) -> None:
+        if self._metrics is None and self._mechanism is None and message.status:
+            self._mechanism = _shipped(message.status[0].hardware_id.rpartition('/')[2])
+        self._metrics = message
+        self._heard = monotonic()
+
+    def _take_rates(self, message: Float64MultiArray) -> None:
+        self._rates = message.data.tolist()
+        largest = max((abs(rate) for rate in self._rates), default=0.0)
+        self._fastest = max(largest, _FORGETTING * self._fastest)
+
+    def _take_error(self, message: Vector3Stamped) -> None:
+        self._errors.append(math.hypot(message.vector.x, message.vector.y))
+
+    def _take_names(self, mode: str, message: Float64MultiArray) -> None:
+        self._names[mode] = [one.label for one in message.layout.dim]
+
+
+def _values(status: DiagnosticStatus | None) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values} if status else {}
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        number = float(text) if text else math.nan
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _shipped(name: str) -> Mechanism | None:
+    try:
+        return mechanism_named(name)
+    except FaultToleranceError:
+        return None

@@ -1,0 +1,124 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The controller's subscriptions to joint states and task velocities, checked and as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from fault_tolerance.control.joint_states import JointStateReader
+from fault_tolerance.control.notices import Notice, clean
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.messages import twist_from_msg
+from fault_tolerance.nodes.timeline import TimeLine
+
+# Keep the newest joint state while another one is processed; older ones are obsolete.
+_NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class InputSubscriber:
+    """Passes joint states and task velocities to a supervisor.
+
+    Parameters
+    ----------
+    node : Node
+    supervisor : Supervisor
+    base_frame : str
+        The only ``frame_id`` accepted in task velocities; an empty one is accepted too.
+    timeline : TimeLine
+    health : Health
+        Counts and logs rejected messages.
+    cycle : callable
+        Called with the present (seconds) when a joint state was accepted.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        supervisor: Supervisor,
+        base_frame: str,
+        timeline: TimeLine,
+        health: Health,
+        cycle: Callable[[float], None],
+    ) -> None:
+        task = supervisor.mechanism.task
+        self._node = node
+        self._supervisor = supervisor
+        self._joints = JointStateReader(supervisor.mechanism)
+        self._rows = task.rows
+        self._outside = np.setdiff1d(np.arange(6), task.rows)
+        self._base_frame = base_frame
+        self._timeline = timeline
+        self._health = health
+        self._cycle = cycle
+        self._joint_states = node.create_subscription(
+            JointState, 'joint_states', self.on_joint_state, _NEWEST
+        )
+        self._velocities = node.create_subscription(
+            TwistStamped, '~/task_velocity', self.on_task_velocity, 10
+        )
+
+    def on_joint_state(self, message: JointState) -> None:
+        """Take a joint state, and have a command follow it.
+
+        Parameters
+        ----------
+        message : JointState
+            Positions in rad or m; joints of lost struts may be absent or NaN.
+        """
+        now = self._timeline.now()
+        lost = self._supervisor.output.failures.lost
+        values, notice = self._joints.readings(message.name, message.position, lost)
+        if values is not None:
+            stamp = self._timeline.monotonic(message.header.stamp)
+            notice = self._supervisor.joint_reading(values, now, stamp)
+            if notice is None:
+                self._cycle(now)
+            if stamp is None:
+                self._warn_of_no_stamp('joint_state')
+        self._health.warn(notice)
+
+    def on_task_velocity(self, message: TwistStamped) -> None:
+        """Take a task velocity.
+
+        Parameters
+        ----------
+        message : TwistStamped
+            rad/s and m/s, of the platform's origin, in the axes of the base.
+        """
+        frame, twist = message.header.frame_id, twist_from_msg(message)
+        if frame and frame != self._base_frame:
+            text = f'task velocity in frame {clean(frame)!r}, not {self._base_frame!r}: ignored'
+            self._health.warn(Notice('wrong_frame', text))
+            return
+        if twist[self._outside].any():
+            text = 'task velocity has components outside the task: they are ignored'
+            self._health.warn_once('outside_task', text)
+        now, stamp = self._timeline.now(), self._timeline.monotonic(message.header.stamp)
+        if stamp is None:
+            self._warn_of_no_stamp('task_velocity')
+        self._health.warn(self._supervisor.task_velocity(twist[self._rows], now, stamp))
+
+    def missing_joint_states(self) -> str:
+        """Return the text that no joint state has arrived, with topic and publisher count."""
+        topic = self._joint_states.topic_name
+        count = self._node.count_publishers(topic)
+        return f'no joint state yet on {topic} ({count} publishers; any reliability will do)'
+
+    def check_publishers(self) -> None:
+        """Warn once if several nodes publish task velocities."""
+        if self._node.count_publishers(self._velocities.topic_name) > 1:
+            text = 'several nodes publish task velocities: the last one wins'
+            self._health.warn_once('several_commanders', text)
+
+    def _warn_of_no_stamp(self, what: str) -> None:
+        text = f'{what} without a stamp: the time of receipt is used'
+        self._health.warn_once(f'no_stamp_{what}', text)

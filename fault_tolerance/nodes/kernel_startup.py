@@ -1,0 +1,67 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How a node gets its kernel: compiled if it can be had at once, else later, without a pause.
+
+Where the kernel has never been compiled, the node starts with the same source as Python, and
+another process compiles it. Compiling in a thread would stall the node's callbacks.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from tempfile import mkdtemp
+from threading import Thread
+
+from fault_tolerance.kernel.compilation import (
+    Kernel,
+    best_kernel,
+    can_be_kept,
+    is_cached,
+    is_wanted,
+    python_kernel,
+)
+
+_SLOW = 'commands are computed by Python, about a hundred times slower'
+
+
+class KernelStartup:
+    """Gives the ``kernel`` to begin with, and the compiled one when it is ready.
+
+    ``remark`` is one line for the log; empty if the kernel is compiled.
+    """
+
+    def __init__(self) -> None:
+        self._ready: Kernel | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        if is_cached() or not is_wanted():
+            self.kernel = best_kernel()
+            self.remark = f'{_SLOW}: {self.kernel.reason}' if self.kernel.reason else ''
+            return
+        self.kernel = python_kernel('being compiled')
+        self.remark = f'{_SLOW}, while the kernel is compiled for this machine, once (a minute)'
+        if not can_be_kept():
+            # The process that compiles gets a private folder to leave the machine code in.
+            os.environ['XDG_CACHE_HOME'] = mkdtemp(prefix='fault_tolerance_')
+        self._process = subprocess.Popen(
+            [sys.executable, '-m', 'fault_tolerance.kernel'],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        Thread(target=self._wait, args=(self._process,), daemon=True).start()
+
+    def take(self) -> Kernel | None:
+        """Return the kernel to go on with, once, as soon as it is ready; else None."""
+        ready, self._ready = self._ready, None
+        return ready
+
+    def end(self) -> None:
+        """End the process that compiles, if it still runs."""
+        if self._process is not None:
+            self._process.kill()
+
+    def _wait(self, process: subprocess.Popen[bytes]) -> None:
+        process.wait()
+        # Loading machine code takes a fraction of a second, most of it without Python's lock.
+        self._ready = best_kernel() if is_cached() else python_kernel('compiling failed')

@@ -1,0 +1,117 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An operator's node: injects and repairs faults, clears failures, pauses the controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
+from std_srvs.srv import SetBool, Trigger
+
+from fault_tolerance.analysis import topics
+from fault_tolerance.nodes.messages import nanoseconds_from_msg
+
+
+class OperatorClient(Node):
+    """Client of simulator and controller in a ``namespace``; follows the controller's state."""
+
+    def __init__(self, namespace: str = '') -> None:
+        super().__init__('operator', namespace=namespace)
+        self.state = self.answer = self.refusal = ''
+        self._faults_by_name = AsyncParameterClient(self, 'fsm')
+        self.active_failures = -1
+        self.is_pointing = False
+        # Stamp of the last joint state, seconds.
+        self.now = 0.0
+        self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
+        self._clear = self.create_client(Trigger, 'fault_tolerance/clear_failures')
+        self._pause = self.create_client(SetBool, 'fault_tolerance/pause')
+        sensor = qos_profile_sensor_data
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._phases = self.create_publisher(String, topics.PHASE, latched)
+        self.create_subscription(Vector3Stamped, topics.POINTING_ERROR, self._take_error, sensor)
+        self.create_subscription(JointState, topics.JOINT_STATES, self._take_joint_state, sensor)
+        self.create_subscription(String, topics.STATE, self._take_state, latched)
+        self.create_subscription(
+            Float64, f'{topics.METRICS}/active_failures', self._take_active_failures, 10
+        )
+
+    @property
+    def ready(self) -> bool:
+        """Whether all nodes publish and all services are available."""
+        heard = self.state and self.is_pointing and self.now
+        return bool(heard and self.simulator_listens and self.controller_listens)
+
+    @property
+    def simulator_listens(self) -> bool:
+        """Whether a simulator subscribes to faults."""
+        return bool(self._faults.get_subscription_count())
+
+    @property
+    def controller_listens(self) -> bool:
+        """Whether the services of a controller are available."""
+        return bool(self._clear.service_is_ready() and self._pause.service_is_ready())
+
+    def inject(self, words: str) -> None:
+        """Publish fault ``words``: ``[silent] MODE NAME``."""
+        self._faults.publish(String(data=words))
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether a recorder subscribes to the phases."""
+        return bool(self._phases.get_subscription_count())
+
+    def note(self, text: str) -> None:
+        """Publish that a phase begins (``text`` from `note_as_text`) or ends (empty)."""
+        self._phases.publish(String(data=text))
+
+    def set_fault(self, name: str, words: str) -> Callable[[], bool]:
+        """Set the fault of the part ``name`` to ``words``, ``[silent] MODE``, by a parameter.
+
+        The result returns whether the simulator has responded; then `refusal` has the reason if
+        it has rejected the words.
+        """
+        future = self._faults_by_name.set_parameters([Parameter(f'faults.{name}', value=words)])
+
+        def answered() -> bool:
+            if future.done():
+                (result,) = future.result().results
+                self.refusal = '' if result.successful else f'{words} {name}: {result.reason}'
+            return bool(future.done())
+
+        return answered
+
+    def clear(self) -> Callable[[], bool]:
+        """Call ``~/clear_failures``; the result returns whether the response has arrived."""
+        future = self._clear.call_async(Trigger.Request())
+
+        def answered() -> bool:
+            if future.done():
+                self.answer = future.result().message
+            return bool(future.done())
+
+        return answered
+
+    def pause(self, paused: bool) -> Callable[[], bool]:
+        """Call ``~/pause`` with ``paused``; the result returns whether it has responded."""
+        return self._pause.call_async(SetBool.Request(data=paused)).done
+
+    def _take_error(self, _: Vector3Stamped) -> None:
+        self.is_pointing = True
+
+    def _take_active_failures(self, message: Float64) -> None:
+        self.active_failures = int(message.data)
+
+    def _take_state(self, message: String) -> None:
+        self.state = message.data
+
+    def _take_joint_state(self, message: JointState) -> None:
+        self.now = nanoseconds_from_msg(message.header.stamp) * 1e-9

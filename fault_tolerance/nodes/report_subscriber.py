@@ -1,0 +1,98 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The controller's subscription to diagnostics: from serialised messages to failure reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+
+from fault_tolerance.control.failure_reports import Report, report_of
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.diagnostics_queue import DiagnosticsQueue
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.messages import modes_from_msg
+from fault_tolerance.nodes.serialised_diagnostics import StampedModes, modes_in
+from fault_tolerance.nodes.timeline import TimeLine
+
+
+class Batch(NamedTuple):
+    """The failure reports of one message, and its stamp or time of receipt, seconds as text."""
+
+    reports: list[Report]
+    stamp: str
+
+
+class ReportSubscriber:
+    """Reads the failure reports on one mechanism from everybody's diagnostics.
+
+    Reports count whose hardware id begins with ``prefix``; empty: any. ``health`` counts and logs
+    messages that could not be read. ``apply`` is called with every `Batch`; its time counts
+    towards the share that reading may take.
+    """
+
+    def __init__(
+        self, node: Node, mechanism: Mechanism, topic: str, prefix: str,
+        timeline: TimeLine, health: Health, apply: Callable[[Batch], None],
+    ) -> None:
+        self._names = frozenset((*mechanism.actuator_names, *mechanism.strut_names))
+        self._prefix = prefix
+        self._timeline = timeline
+        self._health = health
+        self._apply = apply
+        self._queue = DiagnosticsQueue(self._names)
+        # Warm up: the first message loads the type support.
+        first = serialize_message(DiagnosticArray(status=[DiagnosticStatus()]))
+        modes_in(first)
+        _decoded(first)
+        node.create_subscription(DiagnosticArray, topic, self.on_diagnostics, 100, raw=True)
+
+    def on_diagnostics(self, raw: bytes) -> None:
+        """Queue a serialised DiagnosticArray, ``raw``, and read what there is time for."""
+        dropped = self._queue.dropped
+        self._queue.put(raw, self._timeline.now())
+        if self._queue.dropped > dropped:
+            text = 'more diagnostics with failure reports than can be read: some are dropped'
+            self._health.warn(Notice('flood', text))
+        self.read()
+
+    def forget_repeats(self) -> None:
+        """Read the next message even if it repeats an earlier one."""
+        self._queue.forget_repeats()
+
+    def read(self) -> None:
+        """Read queued messages while the time budget lasts."""
+        begin = self._timeline.now()
+        while (raw := self._queue.pop(begin)) is not None:
+            try:
+                found = modes_in(raw) or _decoded(raw)
+            except Exception as error:  # the middleware's own, for bytes that are no such message
+                text = f'diagnostics that cannot be decoded: {error}'
+                self._health.warn(Notice('undecodable', text))
+            else:
+                batch = self._batch(found)
+                if batch.reports:
+                    self._apply(batch)
+            end = self._timeline.now()
+            self._queue.charge(end - begin)
+            begin = end
+
+    def _batch(self, message: StampedModes) -> Batch:
+        seconds = self._timeline.monotonic(message)
+        stamp = message if seconds is not None else self._timeline.stamp()
+        found = (report_of(*mode, seconds, prefix=self._prefix, names=self._names)
+                 for mode in message.modes)
+        reports = [report for report in found if report is not None]
+        return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')
+
+
+def _decoded(raw: bytes) -> StampedModes:
+    message = deserialize_message(raw, DiagnosticArray)
+    stamp = message.header.stamp
+    return StampedModes(stamp.sec, stamp.nanosec, list(modes_from_msg(message)))

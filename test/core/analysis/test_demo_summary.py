@@ -1,0 +1,104 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the demonstration makes of its recordings."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core.runs import demonstration
+from rich.console import Console
+
+from fault_tolerance.analysis.demo_summary import (
+    PHASES,
+    summary,
+    summary_table,
+    unrecovered_phases,
+)
+from fault_tolerance.analysis.series import Series
+from fault_tolerance.mechanism.catalogue import mechanism_named
+
+MECHANISM = mechanism_named('mirror_4_strut')
+
+
+@pytest.fixture(scope='module')
+def run():
+    return demonstration()
+
+
+def test_the_theory_tolerates_all_phases_but_the_last():
+    assert [phase.is_tolerable(MECHANISM) for phase in PHASES] == [True] * 5 + [False]
+
+
+def test_error_is_the_median_over_periods_after_settling(run):
+    one = run.main[0]
+    error = one.error.values.copy()
+    error[:50] = 1.0  # settling
+    error[50:55] = 5e-5  # a hiccup in the first of three periods
+    one = replace(one, error=Series(one.error.time, error))
+    assert one.error_rms(1.0) == pytest.approx(1e-6)
+    assert one.error_rms(None) > 5e-6
+    assert one.peak_force == pytest.approx(0.5)
+
+
+def test_summary_is_plain_json_with_the_agreed_keys(run):
+    result = summary(run)
+    again = json.loads(json.dumps(result, allow_nan=False))
+
+    assert again == result
+    assert (result['mechanism'], result['period']) == ('mirror_4_strut', 1.0)
+    phase = result['phases'][4]
+    assert phase['name'] == 'theta_1 stuck, theta_3 free'
+    assert phase['failures'] == [
+        {'name': 'theta_1', 'mode': 'position'},
+        {'name': 'theta_3', 'mode': 'torque'},
+    ]
+    assert (phase['state'], phase['tolerable']) == ('degraded', True)
+    assert phase['error_rms_urad'] == pytest.approx({'recovered': 1.0, 'unrecovered': 300.0})
+    assert phase['peak_force'] == pytest.approx({'recovered': 0.5, 'unrecovered': 0.5})
+    assert phase['measures']['hard_tolerance'] is None
+    assert phase['measures']['position_tolerance'] == 0.5
+
+
+def test_a_run_as_the_theory_says_has_nothing_wrong(run):
+    assert unrecovered_phases(summary(run)) == []
+
+
+@pytest.mark.parametrize(
+    ('index', 'change', 'complaint'),
+    [
+        (1, {'state': 'stopped'}, 'theta_4 stuck: state stopped, expected degraded'),
+        (5, {'state': 'degraded'}, 'theta_1, theta_2 stuck: state degraded, expected stopped'),
+        (2, {'error': 1e-4}, 'theta_2 free: pointing error 141'),
+        (3, {'error': np.nan}, 'strut_3 lost: pointing error None'),
+    ],
+)
+def test_what_is_not_as_the_theory_says_is_named(run, index, change, complaint):
+    one = run.main[index]
+    if 'error' in change:
+        wrong = np.full_like(one.error.values, change['error'])
+        change = {'error': Series(one.error.time, wrong)}
+    records = [*run.main]
+    records[index] = replace(one, **change)
+    changed = replace(run, passes={**run.passes, 'recovered': records})
+    (line,) = unrecovered_phases(summary(changed))
+    assert line.startswith(complaint)
+
+
+def test_the_table_shows_every_phase_with_and_without_recovery(run):
+    console = Console(width=120, record=True, file=open('/dev/null', 'w'))
+    console.print(summary_table(summary(run)))
+    text = console.export_text()
+    for phase in PHASES:
+        assert phase.name in text
+    assert text.count('1.0 (300.0)') == len(PHASES)
+
+
+def test_the_table_of_a_single_pass_has_no_brackets(run):
+    console = Console(width=120, record=True, file=open('/dev/null', 'w'))
+    alone = replace(run, passes={'run': run.main})
+    console.print(summary_table(summary(alone)))
+    text = console.export_text()
+    assert '(' not in text and text.count(' 1.0 ') == len(PHASES)

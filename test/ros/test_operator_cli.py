@@ -1,0 +1,38 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Breaking and mending by command line, where there is no ros2 command."""
+
+import subprocess
+import sys
+
+
+def command(*words):
+    return subprocess.run(
+        [sys.executable, '-m', 'fault_tolerance', *words],
+        capture_output=True, text=True, timeout=60,
+    )
+
+
+def test_a_fault_is_injected_and_released(start, probe):
+    start('fsm_simulator', mechanism='fsm_4_strut')
+    start('controller', mechanism='fsm_4_strut')
+    probe.wait_for_state('nominal')
+
+    broken = command('inject', 'stuck', 'theta_4')
+    assert (broken.returncode, broken.stdout) == (0, 'degraded\n'), broken.stderr
+    mended = command('inject', 'ok all')
+    assert (mended.returncode, mended.stdout) == (0, 'degraded\n'), mended.stderr
+    for words in ('stuck theta_9', 'explode theta_1'):
+        refused = command('inject', *words.split())
+        assert (refused.returncode, refused.stdout) == (2, '')
+        assert refused.stderr.count('\n') == 1
+        assert words.split()[1 if 'theta_9' in words else 0] in refused.stderr
+    released = command('clear')
+    assert released.returncode == 0, released.stderr
+    assert released.stdout == 'released theta_4 (position); now nominal\n'
+
+
+def test_without_nodes_it_says_so_in_one_line():
+    done = command('inject', 'ok', 'all')
+    assert done.returncode == 2
+    assert done.stderr == 'fault_tolerance: no answer within 10 s from the controller\n'

@@ -1,0 +1,97 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""From a joint state to its command lie few functions, always the same ones in the same order.
+
+``docs/architecture.md`` names them under "The way of one joint state".
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import TwistStamped
+from sensor_msgs.msg import JointState
+
+import fault_tolerance
+from fault_tolerance.control.failure_reports import ERROR, Report
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.controller import Controller
+from fault_tolerance.nodes.kernel_startup import KernelStartup
+
+MECHANISM = mechanism_named('mirror_4_strut')  # the node's default
+PACKAGE = str(Path(fault_tolerance.__file__).parent)
+PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'architecture.md'
+END = 'CommandPublisher.publish'
+MOST = 12
+
+
+@pytest.fixture
+def controller(ros):
+    node = Controller(KernelStartup())
+    yield node
+    node.on_shutdown()
+    node.destroy_node()
+
+
+def joint_state(node):
+    message = JointState(name=list(MECHANISM.joint_state_names), position=[0.0] * 4)
+    message.header.stamp = node.get_clock().now().to_msg()
+    return message
+
+
+def way(function, message):
+    """Return the package's functions that are called until a command is published."""
+    calls, inside_the_kernel = [], []
+
+    def note(frame, event, _):
+        file = frame.f_code.co_filename
+        if not file.startswith(PACKAGE) or calls[-1:] == [END]:
+            return
+        if event == 'return' and inside_the_kernel and frame is inside_the_kernel[0]:
+            inside_the_kernel.clear()
+        if event != 'call' or inside_the_kernel:
+            return
+        name = frame.f_code.co_name
+        if Path(file).parent.name == 'kernel':
+            inside_the_kernel.append(frame)
+            name = f'kernel.{name}'
+        elif 'self' in frame.f_locals:
+            name = f'{type(frame.f_locals["self"]).__name__}.{name}'
+        calls.append(name)
+
+    sys.setprofile(note)
+    try:
+        function(message)
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+def documented():
+    """Return the functions that the page names, in order."""
+    section = PAGE.read_text().partition('## The way of one joint state')[2].partition('\n## ')[0]
+    return re.findall(r'^\d+\. `([\w.]+)`', section, re.MULTILINE)
+
+
+def test_the_way_is_short_and_always_the_same(controller):
+    inputs, supervisor = controller._inputs, controller._supervisor
+    velocity = TwistStamped()
+    velocity.twist.angular.x = 1e-3
+
+    def commanded():
+        inputs.on_task_velocity(velocity)
+        return way(inputs.on_joint_state, joint_state(controller))
+
+    commanded()
+    healthy = commanded()
+    stuck = Report(('drive', 'drive'), MECHANISM.actuator_names[0], 'position', ERROR)
+    assert supervisor.reports([stuck], controller._timeline.now())
+    first = commanded()
+    assert supervisor.output.command.rates.any() and supervisor.output.command.rates[0] == 0.0
+    later = commanded()
+    assert healthy == first == later == documented()
+    assert healthy[-1] == END
+    assert len(healthy[:-1]) <= MOST
