@@ -35,7 +35,7 @@ CHECKED = {'ROS_PYTHON_CHECK_FIELDS': '1'}
 BESIDE_OTHERS = {'OPENBLAS_NUM_THREADS': '1', 'FAULT_TOLERANCE_PARTS': '1'}
 LONGEST = (
     'system/test_soak.py', 'ros/test_start_and_end.py', 'ros/test_controller_inputs.py',
-    'ros/test_hand.py', 'ros/test_every_failure.py', 'core/test_closed_loop.py',
+    'ros/test_operator_cli.py', 'ros/test_every_failure.py', 'core/test_closed_loop.py',
     'core/kinematics/test_against_reference.py', 'core/campaign/test_campaign.py',
     'core/analysis/test_drawing.py', 'core/test_cli.py', 'core/test_mujoco_loop.py',
 )

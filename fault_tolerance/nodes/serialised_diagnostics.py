@@ -4,7 +4,7 @@
 """The failure modes in a serialised DiagnosticArray, decoded without message objects.
 
 The first command after a failure waits for this. Building message objects of all strings takes
-several times as long as reading the few that matter (docs/performance.md has the ratio).
+several times as long as reading the few that matter.
 Messages in another layout than this one are left to the middleware.
 
 The layout is plain CDR, version 1 (OMG DDS-XTypes 1.3, 7.4.1): numbers aligned to their size,
