@@ -17,6 +17,7 @@ MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
 # Where the name of an apt package differs from what Python imports.
 ROSDEP_KEY_OF = {
     'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',
     'scipy': 'python3-scipy',
