@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 
+from fault_tolerance.control.joint_states import unusable
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.compilation import Kernel
@@ -100,9 +102,10 @@ def control_model(mechanism: Mechanism, settings: Settings, kernel: Kernel) -> C
     sigma = np.linalg.svd(major, compute_uv=False)
     transmission = float(sigma.min()) if 0 < len(major) == len(sigma) else 0.0
     gain = float(np.linalg.norm(jacobian))
+    moves, held = transmission > settings.slow_below, gain * settings.slow_below < 1.0
     law = law._replace(
-        home_transmission=transmission if transmission > settings.slow_below else 1.0,
-        home_gain=gain if gain * settings.slow_below < 1.0 else 1.0,
+        home_transmission=transmission if moves else 1.0,
+        home_gain=gain if moves and held else 1.0,
     )
     return replace(model, packed=packed_model(mechanism, law))
 
@@ -262,7 +265,13 @@ def estimate(
     model.kernel.estimate(packed.counts, packed.numbers, flags, before.numbers, values, numbers)
     numbers.setflags(write=False)
     obstacle = ''
-    if not numbers[at.CLOSED]:
+    # After a clearing, the strut that was lost may not have been read yet.
+    unread = None if isfinite(values.dot(values)) else unusable(
+        model.mechanism, values, failures.lost
+    )
+    if unread is not None:
+        obstacle = unread.text
+    elif not numbers[at.CLOSED]:
         obstacle = 'the loops do not close at these joint values'
     elif numbers[at.CONTRADICTORY]:
         limit = model.settings.misfit_limit * model.mechanism.characteristic_length

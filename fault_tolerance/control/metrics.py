@@ -102,11 +102,12 @@ def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
     State and message only, before anything is known or where the measures fail.
     """
     state, estimate = output.state.value, output.estimate
-    message, level = f'{state}: {output.reason}', _level(output)
+    message, level = state, _level(output)
     failures = tuple(str(failure) for failure in output.failures.failures)
-    if not estimate.located:
-        return Metrics(state, message, level, failures)
     try:
+        message = f'{state}: {output.reason}'
+        if not estimate.located:
+            return Metrics(state, message, level, failures)
         verdict, values = estimate.post.verdict, estimate.measures()
         retained, smallest, condition = motion_quality(estimate.post)
     except Exception as error:  # the state must be told even if the measures fail

@@ -154,7 +154,11 @@ def is_wanted() -> bool:
 
 def is_cached() -> bool:
     """Return whether the machine code is there already."""
-    return cache_folder().is_dir() and len(list(cache_folder().rglob('*.nbi'))) >= len(_SIGNATURES)
+    try:
+        # numba writes its index first, and the code after it.
+        return len(list(cache_folder().rglob('*.nbc'))) >= len(_SIGNATURES)
+    except OSError:
+        return False
 
 
 def cache_folder() -> Path:
@@ -172,7 +176,7 @@ def cache_folder() -> Path:
             digest.update(version(name).encode())
         except PackageNotFoundError:
             digest.update(b'none')
-    home = os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache'
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
     return Path(home) / 'fault_tolerance' / digest.hexdigest()[:16]
 
 

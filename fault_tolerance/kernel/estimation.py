@@ -62,7 +62,7 @@ def estimate(
     facts[at.LOCATED] = max(facts[at.CLOSED], last.facts[at.LOCATED])
     facts[at.STEPS] = found.steps
     facts[at.OUTSIDE], facts[at.STRAIN] = last.facts[at.OUTSIDE], last.facts[at.STRAIN]
-    facts[at.MISFIT] = last.facts[at.MISFIT]
+    facts[at.MISFIT], facts[at.CONTRADICTORY] = last.facts[at.MISFIT], last.facts[at.CONTRADICTORY]
     if found.steps > 0:
         facts[at.OUTSIDE], facts[at.STRAIN] = found.outside, found.strain
         facts[at.MISFIT] = largest_misfit(m, found.location.values, failed, target)

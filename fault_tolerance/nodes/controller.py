@@ -167,7 +167,6 @@ class Controller(Node):
     def on_shutdown(self) -> None:
         """Stop the drives."""
         self._commands.stop()
-        self._startup.end()
 
 
 def _settings(values: dict[str, Any]) -> Settings:
@@ -176,7 +175,11 @@ def _settings(values: dict[str, Any]) -> Settings:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
-    return run(NAME, lambda: Controller(KernelStartup()), args)
+    startup = KernelStartup()
+    try:
+        return run(NAME, lambda: Controller(startup), args)
+    finally:
+        startup.end()
 
 
 if __name__ == '__main__':

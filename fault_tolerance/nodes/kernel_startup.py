@@ -12,6 +12,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
+from shutil import rmtree
 from tempfile import mkdtemp
 from threading import Thread
 
@@ -24,6 +26,11 @@ from fault_tolerance.kernel.compilation import (
     python_kernel,
 )
 
+# The same package as here, wherever the node was started.
+_COMPILE = (
+    'import sys; sys.path[:] = {}; '
+    'from fault_tolerance.kernel.compilation import best_kernel; best_kernel()'
+)
 _SLOW = 'commands are computed by Python, about a hundred times slower'
 
 
@@ -36,19 +43,25 @@ class KernelStartup:
     def __init__(self) -> None:
         self._ready: Kernel | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        if is_cached() or not is_wanted():
+        self._folder = ''
+        if not is_wanted() or is_cached() or find_spec('numba') is None:
             self.kernel = best_kernel()
             self.remark = f'{_SLOW}: {self.kernel.reason}' if self.kernel.reason else ''
             return
         self.kernel = python_kernel('being compiled')
         self.remark = f'{_SLOW}, while the kernel is compiled for this machine, once (a minute)'
-        if not can_be_kept():
-            # The process that compiles gets a private folder to leave the machine code in.
-            os.environ['XDG_CACHE_HOME'] = mkdtemp(prefix='fault_tolerance_')
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'fault_tolerance.kernel'],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
+        try:
+            if not can_be_kept():
+                # The process that compiles gets a private folder to leave the machine code in.
+                self._folder = mkdtemp(prefix='fault_tolerance_')
+                os.environ['XDG_CACHE_HOME'] = self._folder
+            self._process = subprocess.Popen(
+                [sys.executable, '-c', _COMPILE.format(sys.path)],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )
+        except OSError as error:
+            self.remark = f'{_SLOW}: {error}'
+            return
         Thread(target=self._wait, args=(self._process,), daemon=True).start()
 
     def take(self) -> Kernel | None:
@@ -60,6 +73,8 @@ class KernelStartup:
         """End the process that compiles, if it still runs."""
         if self._process is not None:
             self._process.kill()
+        if self._folder:
+            rmtree(self._folder, ignore_errors=True)
 
     def _wait(self, process: subprocess.Popen[bytes]) -> None:
         process.wait()

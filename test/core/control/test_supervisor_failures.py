@@ -395,3 +395,20 @@ def test_a_strut_that_is_lost_gives_back_what_a_stuck_axis_has_barred(name):
             assert output.state is State.DEGRADED, messages
         np.testing.assert_allclose(output.achieved[:2], asked[:2], atol=1e-12)
         assert tolerance_margins(output.post).motion == pytest.approx(2.36, abs=5e-3)
+
+
+def test_after_a_clearing_nothing_moves_until_the_joints_of_the_lost_strut_are_read():
+    platform = mechanism_named('gough_stewart_8')
+    supervisor = fed(platform, velocity=np.full(6, 1e-3))
+    assert supervisor.reports([report('hard', 'strut_4')], 0.0)
+    values = np.zeros(8)
+    values[platform.actuator_index('leg_4')] = np.nan
+    assert supervisor.joint_reading(values, 0.01) is None
+    assert supervisor.step(0.01).rates.any()
+    supervisor.reports([report('none', 'strut_4', stamp=0.02, level=OK)], 0.02)
+    assert supervisor.clear(0.03).success
+    output = supervisor.step(0.03)
+    assert output.state is State.HOLD and not output.rates.any()
+    assert 'leg_4' in output.reason
+    feed(supervisor, 0.04)
+    assert supervisor.step(0.04).rates.any()

@@ -373,3 +373,18 @@ def test_nothing_that_may_come_in_raises_or_gives_anything_but_finite_numbers(ev
         assert moving or not output.rates.any()
         limits = supervisor.mechanism.velocity_limits
         assert (np.abs(output.rates) <= limits * (1 + 1e-9)).all()
+
+
+def test_a_contradiction_is_remembered_while_loops_do_not_close():
+    mirror = mechanism_named('mirror_4_strut')
+    limit = 5e-3 * mirror.characteristic_length
+    against = np.array([1.0, -1.0, 1.0, -1.0])
+    supervisor = fed(mirror, velocity=[1e-3, 0.0, 0.0])
+    for now, values, reason in (
+        (0.01, 1.1 * limit * against, 'contradict'), (0.02, [1e3, 0.0, 0.0, 0.0], 'do not close'),
+        (0.03, 0.9 * limit * against, 'contradict'), (0.04, 0.7 * limit * against, ''),
+    ):
+        feed(supervisor, now, [1e-3, 0.0, 0.0], values=np.array(values))
+        output = supervisor.step(now)
+        assert (output.state is State.HOLD) is bool(reason), output
+        assert reason in output.reason

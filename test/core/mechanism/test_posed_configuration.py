@@ -18,7 +18,7 @@ from fault_tolerance.mechanism.task import COORDINATES
 
 def displacement(configuration):
     """Return rotation vector and displacement of the origin from home, by other code."""
-    turn = Rotation.from_matrix(configuration.pose[:3, :3]).as_rotvec()
+    turn = Rotation.from_matrix(configuration.pose[:3, :3].copy()).as_rotvec()
     return np.concatenate([turn, configuration.pose[:3, 3] - configuration.mechanism.origin])
 
 
