@@ -81,6 +81,11 @@ CHORD_FIT = 3e-5
 """The same for the misfit of readings. Where they contradict each other, how they are weighed
 depends on where the factorisations were made."""
 
+JUMP = 0.3
+"""Characteristic lengths and radians (metres and radians, of joints) that are no motion of one
+control cycle: readings so far from the last ones say nothing of the assembly mode.
+"""
+
 CHORD_REACH = 0.1
 """Characteristic lengths for which the factorisations of one configuration serve."""
 

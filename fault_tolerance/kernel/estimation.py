@@ -26,7 +26,7 @@ from fault_tolerance.kernel.margins import (
 from fault_tolerance.kernel.model import EstimateArrays, Model, estimate_of, model_of
 from fault_tolerance.kernel.motions import Kinematics, kept_constraints, structure_of
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.tolerances import COMPLIANCE_BAND, MISFIT_BAND
+from fault_tolerance.tolerances import COMPLIANCE_BAND, JUMP, MISFIT_BAND
 
 
 def estimate(
@@ -105,8 +105,10 @@ def _located_by(
 ) -> Closing:
     """Return where the mechanism is by its readings, from the last estimate or from home.
 
-    The last one may be a bad start, after a long gap or after readings without sense. Where
-    nothing closes it is the place to stay, with no steps.
+    From the last one the same assembly mode is followed. After a jump, as after a long gap or
+    readings without sense, it may lead to another one that fits as well, upside down for
+    instance: then the one that is reached from home counts, and readings that contradict each
+    other lead nowhere. Where nothing closes the last place is the one to stay, with no steps.
     """
     start = Location(last.pose, last.values, last.openings, _struts(m, last))
     if len(m.chains.joints) == 0:
@@ -116,16 +118,34 @@ def _located_by(
     for attempt in range(2):
         found = closed(m, nearest, failed, target)
         off = largest_misfit(m, found.location.values, failed, target)
-        if found.steps > 0 and (best.steps == 0 or off < misfit):
+        fits = found.steps > 0 and off <= m.law.misfit_limit
+        if found.steps > 0 and (best.steps == 0 or off < misfit or (attempt == 1 and fits)):
             best, misfit = found, off
-        if best.steps > 0 and misfit <= m.law.misfit_limit:
+        if fits and not _jumps(start, found.location, m.chains.length):
             break
-        if attempt == 0:
-            home = np.eye(4)
-            for i in range(3):
-                home[i, 3] = m.chains.origin[i]
-            nearest = located(m, home, np.zeros(m.chains.actuator.shape))
+        home = np.eye(4)
+        for i in range(3):
+            home[i, 3] = m.chains.origin[i]
+        nearest = located(m, home, np.zeros(m.chains.actuator.shape))
+    if misfit > m.law.misfit_limit and _jumps(start, best.location, m.chains.length):
+        return Closing(start, structure_of(start.struts, failed), 0.0, 0.0, best.steps)
     return best
+
+
+def _jumps(one: Location, other: Location, length: float) -> bool:
+    """Return whether two locations are farther apart than a mechanism goes in one cycle."""
+    shift = turn = 0.0
+    for i in range(3):
+        shift += (one.pose[i, 3] - other.pose[i, 3]) ** 2
+        for j in range(3):
+            turn += (one.pose[i, j] - other.pose[i, j]) ** 2
+    if shift > (JUMP * length) ** 2 or turn > JUMP * JUMP:
+        return True
+    for s in range(len(one.values)):
+        for j in range(one.values.shape[1]):
+            if abs(one.values[s, j] - other.values[s, j]) > JUMP:
+                return True
+    return False
 
 
 def _struts(m: Model, e: EstimateArrays) -> Elimination:
