@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 import time
 from typing import Any
@@ -38,8 +39,7 @@ from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
 
 NAME = 'fault_tolerance'
-WATCHDOG_PERIOD = 0.01
-METRICS_PERIOD = 0.2
+WATCHDOG_PERIOD, METRICS_PERIOD = 0.01, 0.2
 COLLECTION_PERIOD = 5.0  # of garbage
 LATE = 3.0 * WATCHDOG_PERIOD  # after which messages may be pending unread
 STALL = 0.15  # between two watchdog ticks: counted
@@ -48,13 +48,7 @@ _LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
 
 
 class Controller(Node):
-    """ROS interface of a `Supervisor`.
-
-    Parameters
-    ----------
-    startup : KernelStartup
-        Gives the kernel that computes commands.
-    """
+    """ROS interface of a `Supervisor`; ``startup`` gives the kernel that computes commands."""
 
     def __init__(self, startup: KernelStartup) -> None:
         super().__init__(NAME)
@@ -62,10 +56,9 @@ class Controller(Node):
         mechanism, frame = mechanism_named(values['mechanism']), values['base_frame']
         prefix = values['hardware_id_prefix'].strip('/') or self.get_namespace().strip('/')
         self.deferred = Deferred()
-        self._supervisor = supervisor = Supervisor(
-            mechanism, _settings(values), startup.kernel
-        )
         self._timeline = timeline = TimeLine(self.get_clock())
+        supervisor = Supervisor(mechanism, _settings(values), startup.kernel)
+        self._supervisor, self._startup = supervisor, startup
         self._stepped = self._excused = False
         self._ticked = self._metrics_due = self._collection_due = timeline.now()
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
@@ -81,7 +74,6 @@ class Controller(Node):
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         timeline.call_on_jump(self._on_clock_jump)
         self._health.warn(set_realtime_priority(values['realtime_priority']))
-        self._startup = startup
         if startup.remark:
             self.get_logger().warning(startup.remark)
 
@@ -140,7 +132,7 @@ class Controller(Node):
         kernel = self._startup.take()
         if kernel is not None:
             self._supervisor.kernel = kernel
-            gc.freeze()  # what numba has brought need not be looked through at every collection
+            gc.freeze()  # what numba has brought need not be collected
             tell = self.get_logger().warning if kernel.reason else self.get_logger().info
             tell(f'kernel: {kernel.reason or "compiled"}')
         self._reports.read()
@@ -159,10 +151,9 @@ class Controller(Node):
         state = self._supervisor.output.state
         if state is not State.WAITING:
             return _LEVELS.get(state, WARN), state.value
-        text = self._inputs.missing_joint_states()
         if not self._status.discovering:
-            self._health.warn_once('waiting', text)
-        return WARN, text
+            self._health.warn_once('waiting', self._inputs.missing_joint_states())
+        return WARN, self._inputs.missing_joint_states()
 
     def on_shutdown(self) -> None:
         """Stop the drives."""
@@ -175,7 +166,10 @@ def _settings(values: dict[str, Any]) -> Settings:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
-    startup = KernelStartup()
+    try:
+        startup = KernelStartup()
+    except KeyboardInterrupt:  # before `run` handles signals
+        return 128 + signal.SIGINT
     try:
         return run(NAME, lambda: Controller(startup), args)
     finally:
