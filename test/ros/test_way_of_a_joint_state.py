@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 
 import fault_tolerance
 from fault_tolerance.control.failure_reports import ERROR, Report
+from fault_tolerance.kernel.compilation import python_kernel
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.controller import Controller
 from fault_tolerance.nodes.kernel_startup import KernelStartup
@@ -29,10 +30,10 @@ MOST = 12
 
 
 @pytest.fixture
-def controller(ros, monkeypatch):
-    # Compiled functions are not always seen by a profiler.
-    monkeypatch.setenv('FAULT_TOLERANCE_KERNEL', 'python')
-    node = Controller(KernelStartup())
+def controller(ros):
+    startup = KernelStartup()
+    startup.kernel = python_kernel()  # a profiler may not see compiled functions
+    node = Controller(startup)
     yield node
     node.on_shutdown()
     node.destroy_node()
