@@ -235,11 +235,10 @@ class Supervisor:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
             if not (hold or found.tolerated or degraded):
                 hold = found
-            located = found.numbers[0]
-            if located and not (stop or hold or self._machine.stop):
+            if found.located and not (stop or hold or self._machine.stop):
                 command = rate_command(self._model, found, asked, before, now)
                 hold = command.obstacle
-            waiting = '' if located else _WAITING
+            waiting = '' if found.located else _WAITING
             decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
