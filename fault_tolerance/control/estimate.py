@@ -128,6 +128,8 @@ class Estimate:
         What it was made from; NaN in lost struts.
     numbers : array
         The kernel's result, see `fault_tolerance.kernel.model.EstimateArrays`.
+    located : bool
+        Whether the loops have closed, now or before.
     obstacle : str
         Why these readings must not be acted on; empty if they may.
     tolerated : bool
@@ -139,6 +141,7 @@ class Estimate:
     flags: FloatArray
     readings: FloatArray
     numbers: FloatArray
+    located: bool = False
     obstacle: str = ''
     tolerated: bool = True
 
@@ -161,11 +164,6 @@ class Estimate:
     def arrays(self) -> EstimateArrays:
         """The numbers by name, scaled to metres."""
         return estimate_of(self.model.view, self.numbers)
-
-    @property
-    def located(self) -> bool:
-        """Whether the loops have closed, now or before."""
-        return bool(self.numbers[at.LOCATED])
 
     @property
     def mobility(self) -> int:
@@ -278,5 +276,6 @@ def estimate(
         obstacle = f'joint readings contradict each other by {numbers[at.MISFIT]:.2g} m'
         obstacle += f' (limit {limit:.2g} m)'
     # Where nothing is known of the place, nothing is judged.
-    tolerated = bool(numbers[at.VERDICT] == at.TOLERATED or not numbers[at.LOCATED])
-    return Estimate(model, failures, flags, values, numbers, obstacle, tolerated)
+    located = bool(numbers[at.LOCATED])
+    tolerated = bool(not located or numbers[at.VERDICT] == at.TOLERATED)
+    return Estimate(model, failures, flags, values, numbers, located, obstacle, tolerated)

@@ -128,18 +128,22 @@ def test_a_signal_brings_the_drives_to_rest(start, probe, number):
     assert least_time_to_end(running, number, ended) < 2.0
 
 
-@pytest.mark.parametrize('module', ['fsm_simulator', 'pointing_reference'])
+@pytest.mark.parametrize(('module', 'topic'), [
+    ('fsm_simulator', '/joint_states'), ('pointing_reference', '/fault_tolerance/task_velocity'),
+])
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_other_nodes_too(start, probe, module, number):
+def test_a_signal_ends_the_other_nodes_too(start, probe, module, topic, number):
+    # Publishers are counted, not names of nodes: when a participant is gone before its last
+    # word of discovery is read, rmw_fastrtps keeps the name for ever.
     def running():
         process = start(module)
-        probe.wait(lambda: MODULES[module] in probe.node.get_node_names(), module)
+        probe.wait(lambda: probe.node.count_publishers(topic), module)
         return process
 
     def ended(process):
         assert process.process.returncode == 0
         assert process.output == ''
-        probe.wait(lambda: MODULES[module] not in probe.node.get_node_names(), 'its end')
+        probe.wait(lambda: not probe.node.count_publishers(topic), 'its end')
 
     assert least_time_to_end(running, number, ended) < 2.0
 
