@@ -144,3 +144,6 @@ NOTABLE_MOTION = 1e-4
 RESTING_SHARE = 0.1
 """A drive that moves less than this share of what it is compared with rests: gains and couplings
 that the model lacks change motions by less."""
+
+NOT_SEPARATED = 1e-9
+"""Metres per metre commanded by which two hypotheses differ that no sensor tells apart."""

@@ -181,7 +181,9 @@ def _drives(section: Section, name: str, labels: tuple[str, ...]) -> dict[str, s
     return drives
 
 
-_ACTUATOR_KEYS = ('position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake')
+_ACTUATOR_KEYS = (
+    'position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake', 'encoder', 'stiffness',
+)
 
 
 def _actuator(
@@ -199,7 +201,7 @@ def _actuator(
                 continue
         if key == 'position':
             options[key] = tuple(part.numbers(where, 2))
-        elif key == 'joint_state_name':
+        elif key in ('joint_state_name', 'encoder'):
             options[key] = part.text(where)
         elif key == 'brake':
             options[key] = part.flag(where)

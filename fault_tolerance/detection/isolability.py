@@ -1,0 +1,192 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which failures the sensors can tell apart, and how well.
+
+Two hypotheses can be told apart if some motion that is commanded shows differently under them
+(docs/detection.md, eq. 3). Hypotheses that cannot be told apart make a class.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fault_tolerance.detection.hypotheses import (
+    HEALTHY,
+    PAPER,
+    Hypothesis,
+    Symptom,
+    hypotheses,
+)
+from fault_tolerance.detection.responses import Responses, Sensors, responses
+from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.reconfiguration import reconfigured
+from fault_tolerance.kinematics.rows import StrutRows
+from fault_tolerance.kinematics.subspaces import null_space
+from fault_tolerance.mechanism.arrays import FloatArray, frozen
+from fault_tolerance.tolerances import NOT_SEPARATED
+
+
+@dataclass(frozen=True, eq=False)
+class Isolability:
+    """What can be told apart.
+
+    Attributes
+    ----------
+    redundancy : int
+        r = N - n: how many independent motions of the setpoints only strain the mechanism.
+    suspects : tuple of Hypothesis
+        `HEALTHY` first.
+    separation : (h, h) array
+        The largest difference of what the sensors show under two hypotheses, per length of the
+        motion commanded (m/m).
+    classes : tuple of tuple of Hypothesis
+        Those that cannot be told apart.
+    """
+
+    redundancy: int
+    suspects: tuple[Hypothesis, ...]
+    separation: FloatArray
+    classes: tuple[tuple[Hypothesis, ...], ...]
+
+    def __repr__(self) -> str:
+        """Return how many classes there are."""
+        return f'Isolability({len(self.suspects)} hypotheses in {len(self.classes)} classes)'
+
+    def class_of(self, suspect: Hypothesis) -> tuple[Hypothesis, ...]:
+        """Return the class of the hypothesis ``suspect``; ValueError if it is not among them."""
+        for found in self.classes:
+            if suspect in found:
+                return found
+        raise ValueError(f'{suspect} is not among the hypotheses')
+
+    @property
+    def undetectable(self) -> tuple[Hypothesis, ...]:
+        """What looks as if nothing had failed."""
+        return tuple(one for one in self.class_of(HEALTHY) if one != HEALTHY)
+
+
+def isolability(
+    rows: StrutRows,
+    failures: FailureSet | None = None,
+    *,
+    sensors: Sensors | None = None,
+    probe: bool = False,
+    symptoms: tuple[Symptom, ...] = PAPER,
+) -> Isolability:
+    """Return which further failures can be told apart after ``failures``.
+
+    Parameters
+    ----------
+    rows : StrutRows
+        Of the configuration.
+    failures : FailureSet, optional
+        What is known to have failed.
+    sensors : Sensors, optional
+        The encoders alone by default.
+    probe : bool
+        Whether the mechanism is strained in itself too, beside the motions of its task.
+    symptoms : tuple of Symptom
+        The ways to fail.
+
+    Returns
+    -------
+    Isolability
+
+    Raises
+    ------
+    FailureError
+        If the mechanism does not have what failed.
+    """
+    mechanism = rows.mechanism
+    failures = (failures or FailureSet()).of(mechanism)
+    suspects = hypotheses(mechanism, failures, symptoms)
+    found = responses(rows, failures, suspects, sensors)
+    kinematics = reconfigured(rows, failures).present
+    motions = task_motions(rows, kinematics)
+    strains = self_stress(rows, kinematics)
+    commanded = np.hstack([motions, strains]) if probe else motions
+    separation = separations(found, commanded)
+    return Isolability(
+        strains.shape[1], suspects, separation, _classes(suspects, separation > NOT_SEPARATED)
+    )
+
+
+def task_motions(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
+    """Return an orthonormal basis (N, n) of the commands that move the platform, in metres.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    kinematics : DifferentialKinematics
+        Of these rows, failures included.
+
+    Returns
+    -------
+    (N, n) array
+    """
+    scaled = rows.rate_scale[:, None] * kinematics.mapping
+    return frozen(np.linalg.qr(scaled)[0]) if scaled.shape[1] else scaled
+
+
+def self_stress(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
+    """Return an orthonormal basis (N, r) of the commands that only strain the mechanism.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    kinematics : DifferentialKinematics
+        Of these rows, failures included.
+
+    Returns
+    -------
+    (N, r) array
+        Metres; zero rows for the drives that have failed. W^T of docs/detection.md.
+    """
+    motions, active = task_motions(rows, kinematics), kinematics.active
+    result = np.zeros((len(active), int(active.sum()) - motions.shape[1]))
+    result[active] = null_space(motions[active].T, 1.0)
+    return frozen(result)
+
+
+def separations(found: Responses, commanded: FloatArray) -> FloatArray:
+    """Return the largest difference of what the sensors show, per pair of hypotheses.
+
+    Parameters
+    ----------
+    found : Responses
+    commanded : (N, u) array
+        Orthonormal motions of the setpoints, metres.
+
+    Returns
+    -------
+    (h, h) array
+        Spectral norm, m/m; infinite where one of the two moves by itself, which the other cannot.
+    """
+    shown = found.matrices @ commanded
+    size = len(shown)
+    result = np.zeros((size, size))
+    for first in range(size):
+        differences = shown[first + 1 :] - shown[first]
+        if differences.size:
+            norms = np.linalg.norm(differences, 2, axis=(1, 2))
+            result[first, first + 1 :] = result[first + 1 :, first] = norms
+    return frozen(result)
+
+
+def _classes(
+    suspects: tuple[Hypothesis, ...], apart: np.ndarray
+) -> tuple[tuple[Hypothesis, ...], ...]:
+    """Return the hypotheses in groups whose members are not all apart."""
+    left, found = list(range(len(suspects))), []
+    while left:
+        group = [left.pop(0)]
+        for member in group:
+            near = [other for other in left if not apart[member, other]]
+            group += near
+            left = [other for other in left if other not in near]
+        found.append(tuple(suspects[place] for place in sorted(group)))
+    return tuple(found)
