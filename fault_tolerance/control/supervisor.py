@@ -84,6 +84,7 @@ class Supervisor:
         self._plausibility = Plausibility(mechanism)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
+        self._beside: tuple[FloatArray, FailureSet] | None = None
         self._paused = False
         self._outdated = False
         self._errors = 0
@@ -190,6 +191,17 @@ class Supervisor:
         state = self.step(now).state.value
         return clear_outcome(cleared, was_stopped and not self._machine.stop, state)
 
+    def move_beside(self, rates: FloatArray | None) -> None:
+        """Add rates to every command from the next step on, while the failures stay the same.
+
+        Parameters
+        ----------
+        rates : (N,) array or None
+            Finite, in the mechanism's units and order; None: nothing. The limits do not know of
+            them.
+        """
+        self._beside = None if rates is None else (rates, self._ledger.failures)
+
     def pause(self, paused: bool, now: float) -> None:
         """Hold from ``now`` on while ``paused``."""
         self._pass_time(now)
@@ -248,6 +260,8 @@ class Supervisor:
             decision, command = self._machine.decide(stop, text, '', '', ''), None
         if command is None or decision.state not in MOVING:
             command = resting(command or before, failures, now)
+        elif self._beside is not None and self._beside[1] is failures:
+            command = command.with_rates_beside(self._beside[0])
         self._command = command
         if self._reported_at is not None and settings.clock is not None:
             self._recovery_time = settings.clock() - self._reported_at

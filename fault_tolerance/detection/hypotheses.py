@@ -87,7 +87,7 @@ class Hypothesis:
     def __str__(self) -> str:
         """Return it as the contract writes it: ``healthy``, ``position:theta_1``."""
         if self.symptom is Symptom.HEALTHY:
-            return self.symptom.value
+            return str(self.symptom.value)
         return f'{self.symptom.value}:{self.name}' + (f'+{self.other}' if self.other else '')
 
 
@@ -128,5 +128,8 @@ def _further(
         elif symptom is Symptom.SWAPPED:
             if len(working) <= MOST_SWAPS:
                 yield from (Hypothesis(symptom, *pair) for pair in combinations(working, 2))
+        elif symptom is Symptom.RUNAWAY:
+            # Those reported stuck, too: they may move after all.
+            yield from (Hypothesis(symptom, name) for name in (*working, *failures.stuck))
         elif symptom is not Symptom.HEALTHY:
             yield from (Hypothesis(symptom, name) for name in working)

@@ -26,7 +26,7 @@ from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import null_space
-from fault_tolerance.mechanism.arrays import FloatArray, frozen
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.tolerances import NOT_SEPARATED
 
 
@@ -164,21 +164,96 @@ def separations(found: Responses, commanded: FloatArray) -> FloatArray:
     Returns
     -------
     (h, h) array
-        Spectral norm, m/m; infinite where one of the two moves by itself, which the other cannot.
+        Spectral norm, m/m.
     """
-    shown = found.matrices @ commanded
+    return _largest_differences(found.matrices @ commanded)
+
+
+def _largest_differences(shown: FloatArray) -> FloatArray:
+    """Return the spectral norm of the difference of every two of the matrices (h, c, u)."""
     size = len(shown)
     result = np.zeros((size, size))
-    for first in range(size):
-        differences = shown[first + 1 :] - shown[first]
-        if differences.size:
-            norms = np.linalg.norm(differences, 2, axis=(1, 2))
-            result[first, first + 1 :] = result[first + 1 :, first] = norms
+    for first in range(size - 1):
+        norms = np.linalg.norm(shown[first + 1 :] - shown[first], 2, axis=(1, 2))
+        result[first, first + 1 :] = result[first + 1 :, first] = norms
     return frozen(result)
 
 
+def separated(found: Responses, heard: BoolArray) -> BoolArray:
+    """Return which hypotheses (h, h) can be told apart by some motion of the setpoints.
+
+    Parameters
+    ----------
+    found : Responses
+    heard : (c,) array of bool
+        The channels that count.
+
+    Returns
+    -------
+    (h, h) array of bool
+        What nothing holds may drift as any other hypothesis would have it move. A drive that runs
+        away and a reading that jumps do not imitate anything.
+    """
+    matrices = found.matrices[:, heard]
+    apart = _largest_differences(matrices) > NOT_SEPARATED
+    for place, suspect in enumerate(found.hypotheses):
+        drift = found.drift[place, heard]
+        if suspect.symptom in (Symptom.RUNAWAY, Symptom.BIASED):
+            apart[place] = apart[:, place] = True
+            apart[place, place] = False
+        elif drift.any():
+            direction = drift / np.linalg.norm(drift)
+            differences = matrices - matrices[place]
+            along = np.einsum('c,hcj->hj', direction, differences)
+            across = differences - direction[:, None] * along[:, None]
+            like = np.linalg.norm(across, axis=(1, 2)) <= NOT_SEPARATED
+            apart[place, like] = apart[like, place] = False
+    return apart
+
+
+def separators(
+    rows: StrutRows,
+    failures: FailureSet,
+    suspects: tuple[Hypothesis, ...],
+    sensors: Sensors,
+) -> tuple[str, ...]:
+    """Return what would tell some of the hypotheses apart that the sensors do not.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    failures : FailureSet
+        What is known to have failed.
+    suspects : tuple of Hypothesis
+    sensors : Sensors
+        Those there are.
+
+    Returns
+    -------
+    tuple of str
+        Of probe, efforts, pose and load.
+    """
+    if len(suspects) < 2:
+        return ()
+    motions = task_motions(rows, reconfigured(rows, failures).present)
+    everything = np.eye(len(motions))
+
+    def apart(with_sensors: Sensors, commanded: FloatArray) -> int:
+        found = responses(rows, failures, suspects, with_sensors)
+        return int((separations(found, commanded) > NOT_SEPARATED).sum())
+
+    found, probed = apart(sensors, motions), apart(sensors, everything)
+    options = {
+        'probe': probed > found,
+        'efforts': apart(sensors._replace(efforts=True), everything) > probed,
+        'pose': apart(sensors._replace(pose=True), everything) > probed,
+        'load': any(one.symptom in (Symptom.FREE, Symptom.LOST) for one in suspects),
+    }
+    return tuple(name for name, helps in options.items() if helps)
+
+
 def _classes(
-    suspects: tuple[Hypothesis, ...], apart: np.ndarray
+    suspects: tuple[Hypothesis, ...], apart: BoolArray
 ) -> tuple[tuple[Hypothesis, ...], ...]:
     """Return the hypotheses in groups whose members are not all apart."""
     left, found = list(range(len(suspects))), []

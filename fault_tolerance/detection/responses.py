@@ -20,7 +20,7 @@ import numpy as np
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.kinematics.subspaces import rank_of
+from fault_tolerance.kinematics.subspaces import range_basis, rank_of
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.freedom import attachment_of
@@ -51,6 +51,8 @@ class Responses:
     drift : (h, c) array
         How the channels move by what is not known: a drive that runs away, a reading that jumps,
         a platform that nothing holds any more. Zero where there is nothing unknown.
+    load : (N, n) array
+        Orthonormal basis of the motions of the encoders under loads on the platform.
     seen : (c,) array of bool
         The channels there are: no encoders of lost struts, efforts and pose only if believed.
     """
@@ -58,6 +60,7 @@ class Responses:
     hypotheses: tuple[Hypothesis, ...]
     matrices: FloatArray
     drift: FloatArray
+    load: FloatArray
     seen: BoolArray
 
     def __repr__(self) -> str:
@@ -102,7 +105,11 @@ def responses(
         present, present & sensors.efforts, np.full(6, sensors.pose)
     ])
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
-    return Responses(tuple(suspects), frozen(matrices), frozen(drift), frozen(seen))
+    yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
+    load = range_basis(yields * balances.setdefault(failures, _balance(rows, failures)).joints)
+    return Responses(
+        tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
+    )
 
 
 class _Balance(NamedTuple):
@@ -199,7 +206,7 @@ def relative_stiffness(mechanism: Mechanism) -> FloatArray:
     (N,) array
         Drives that turn at the characteristic length.
     """
-    given = np.array([one.stiffness for one in mechanism.actuators])
+    given = mechanism.drive_stiffness
     return given / mechanism.rate_scale**2 if np.isfinite(given).all() else np.ones(len(given))
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite
+from math import inf, isfinite, isnan, nan
 
 import numpy as np
 
@@ -46,6 +46,9 @@ class Mechanism:
         absorbed by the flexures: docs/theory.md, section 6. 0: rigid.
     working_point : WorkingPoint or None
         Set where there are no struts.
+    stiffness : float
+        Of every drive that does not say otherwise, N/m, and N/m times the square of the
+        characteristic length for those that turn; NaN: not known.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Mechanism:
     characteristic_length: float = 1.0
     compliance: float = 0.0
     working_point: WorkingPoint | None = None
+    stiffness: float = nan
 
     def __repr__(self) -> str:
         struts, actuators = len(self.struts), len(self.actuators)
@@ -70,6 +74,8 @@ class Mechanism:
         if not (isfinite(self.compliance) and 0.0 <= self.compliance < 1.0):
             reason = f'{self.compliance} is not in [0, 1)'
             raise MechanismError(self.name, 'compliance', reason)
+        if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
+            raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
         if not self.actuators:
             found = tuple(actuator for strut in self.struts for actuator in strut.actuators)
             object.__setattr__(self, 'actuators', found)
@@ -117,6 +123,13 @@ class Mechanism:
         length = self.characteristic_length
         scale = [length if one.kind == 'revolute' else 1.0 for one in self.actuators]
         return frozen_array(scale, (None,), 'scale')
+
+    @cached_property
+    def drive_stiffness(self) -> FloatArray:
+        """Stiffness of the drives' hold, (N,), N/m or N m/rad; NaN where it is not known."""
+        given = np.array([actuator.stiffness for actuator in self.actuators])
+        shared = self.stiffness * self.rate_scale**2
+        return frozen_array(np.where(np.isnan(given), shared, given), (None,), 'k', finite=False)
 
     @cached_property
     def has_uniform_rate_scale(self) -> bool:

@@ -1,0 +1,333 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detection beside a running controller: it listens, probes, relieves strain, and tells.
+
+Like the controller it has no clock of its own. What it wants the drives to do beside the task are
+rates in directions that do not move a healthy platform.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Literal
+
+import numpy as np
+
+from fault_tolerance.detection import bank
+from fault_tolerance.detection.detector import Detector
+from fault_tolerance.detection.hypotheses import HEALTHY
+from fault_tolerance.detection.isolability import Isolability, isolability
+from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
+from fault_tolerance.detection.self_stress import SelfStress
+from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.rows import StrutRows
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+
+Detect = Literal['off', 'advise', 'act']
+
+RELIEF_GAIN = 5.0
+"""1/s: how fast strain is led back."""
+
+RELIEF_SPEED = 1e-3
+"""Characteristic lengths per second; the drives do not relieve strain faster."""
+
+RELIEF_NOISE = 10.0
+"""Strains below so many times the noise of the encoders are left alone."""
+
+
+@dataclass(frozen=True)
+class MonitorSettings:
+    """How failures that nobody reports are looked for.
+
+    Attributes
+    ----------
+    detect : {'off', 'advise', 'act'}
+        Whether what is found is only said, or handled as if it had been reported.
+    command_delay : float
+        Seconds from a command to its effect in the joint states.
+    probe_period : float
+        Seconds between two probes; 0: only on request.
+    probe_amplitude : float
+        Metres; 0: from force and stroke.
+    probe_force : float
+        Newtons by which a probe may load a drive, where the amplitude is not given.
+    relief : bool
+        Whether the strain that a failure or a repair leaves behind is led back, where the efforts
+        show it.
+    """
+
+    detect: Detect = 'advise'
+    command_delay: float = 0.0
+    probe_period: float = 0.0
+    probe_amplitude: float = 0.0
+    probe_force: float = 0.5
+    relief: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the values; ValueError names what is wrong."""
+        if self.detect not in ('off', 'advise', 'act'):
+            raise ValueError(f'detect: {self.detect!r} is not off, advise or act')
+        for name in ('command_delay', 'probe_period', 'probe_amplitude', 'probe_force'):
+            value = getattr(self, name)
+            if not (isfinite(value) and value >= 0.0):
+                raise ValueError(f'{name}: {value} is not a number from 0 on')
+
+
+class Monitor:
+    """Looks for failures that nobody reports.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    settings : MonitorSettings, optional
+    advance : callable
+        `bank.advance`, or its compiled form.
+
+    Attributes
+    ----------
+    detector : Detector
+    settings : MonitorSettings
+    rates : (N,) array or None
+        What the drives are to do beside the task until the next readings, in the mechanism's
+        units; None: nothing.
+    internal_force : float
+        The largest force of the drives against each other, N; NaN where no efforts show it.
+    finding : str
+        What the last probe found; empty before there was one.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        settings: MonitorSettings | None = None,
+        advance: Callable[..., float] = bank.advance,
+    ) -> None:
+        self.settings = settings or MonitorSettings()
+        self.detector = Detector(mechanism, self.settings.command_delay, advance)
+        self._mechanism = mechanism
+        self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
+        self._failures = FailureSet()
+        self._probe: Probe | None = None
+        self._disturbed = False
+        self._periods: list[float] = []
+        self._stamp = 0
+        self._probed = 0
+        self._moving = False
+        self._values = np.full(len(mechanism.actuators), np.nan)
+        self._isolability: dict[bool, tuple[object, Isolability]] = {}
+        self.rates: FloatArray | None = None
+        self.internal_force = np.nan
+        self.finding = ''
+
+    @property
+    def probing(self) -> bool:
+        """Whether a probe is under way."""
+        return self._probe is not None
+
+    def forget(self) -> None:
+        """Drop what has been found: the failures have been cleared."""
+        self.detector.forget()
+
+    def observe(
+        self,
+        sighting: Sighting,
+        failures: FailureSet,
+        pose: FloatArray,
+        rows: Callable[[], StrutRows],
+        moving: bool,
+    ) -> bool:
+        """Take one set of readings, after the command that answers them.
+
+        Parameters
+        ----------
+        sighting : Sighting
+        failures : FailureSet
+            Those in force.
+        pose : (4, 4) array
+            Where the platform is believed to be.
+        rows : callable
+            Returns the rows there.
+        moving : bool
+            Whether the controller may move.
+
+        Returns
+        -------
+        bool
+            Whether something new has been found.
+        """
+        before = len(self.detector.suspicions)
+        self._take_time(sighting.stamp)
+        self._moving, self._values = moving, sighting.values
+        self.detector.observe(sighting, failures, pose, rows)
+        changed = failures != self._failures or len(self.detector.suspicions) > before
+        if self._probe is not None:
+            self._go_on(changed or not moving)
+        elif self._is_due(sighting.stamp):
+            self._start()
+        found = len(self.detector.suspicions) > before
+        if changed or found:
+            self._disturbed, self._failures = True, failures
+        if self._probe is None:
+            relieved = moving and not (changed or found)
+            self.rates = self._relieving(sighting) if relieved else None
+        return found
+
+    def request_probe(self) -> str:
+        """Start a probing sequence; return why it cannot be, empty if it has begun.
+
+        Returns
+        -------
+        str
+        """
+        refusal = self.refusal()
+        if not refusal:
+            self._start()
+        return refusal
+
+    def refusal(self) -> str:
+        """Return why nothing can be probed now; empty if it can.
+
+        Returns
+        -------
+        str
+        """
+        detector, mechanism = self.detector, self._mechanism
+        if self.settings.detect == 'off':
+            return 'detection is off'
+        if self._probe is not None:
+            return 'a probe is under way'
+        if not self._moving:
+            return 'the controller does not move the mechanism'
+        if not detector.ready:
+            return 'the encoders have not been heard for long enough yet'
+        stress = self._self_stress()
+        if not stress.probing.shape[1]:
+            return 'no redundancy is left (r = 0): every motion of the drives moves the platform'
+        if not (stress.stiffness_known or self.settings.probe_amplitude):
+            return 'the stiffness of the drives is not in the mechanism file, nor probe_amplitude'
+        low, high = (mechanism.rate_scale[:, None] * mechanism.position_limits).T
+        values, room = mechanism.rate_scale * self._values, CLEARANCE * self._amplitude(stress)
+        near = (values - low < room) | (high - values < room)
+        if near.any():
+            names = [n for n, yes in zip(mechanism.actuator_names, near, strict=True) if yes]
+            return f'too near the end of the stroke: {", ".join(names)}'
+        return ''
+
+    def isolability(self, probe: bool) -> Isolability | None:
+        """Return what can be told apart now, with a ``probe`` or without; None before it is known.
+
+        Parameters
+        ----------
+        probe : bool
+
+        Returns
+        -------
+        Isolability or None
+        """
+        detector = self.detector
+        if detector.rows is None:
+            return None
+        key = detector.rows, detector.known, detector.sensors
+        if probe not in self._isolability or self._isolability[probe][0] != key:
+            found = isolability(
+                detector.rows, detector.known, sensors=detector.sensors, probe=probe
+            )
+            self._isolability[probe] = key, found
+        return self._isolability[probe][1]
+
+    @property
+    def latent_since_probe(self) -> float:
+        """Seconds for which latent failures may have been there unseen."""
+        return 1e-9 * (self._stamp - self._probed) if self._probed else inf
+
+    def _take_time(self, stamp: int) -> None:
+        """Learn how long it is from one reading to the next."""
+        gap = 1e-9 * (stamp - self._stamp)
+        self._gap = gap
+        if 0.0 < gap < 1.0:
+            self._periods = [*self._periods[1 - SAMPLES :], gap]
+        if not self._probed or stamp < self._probed:
+            self._probed = stamp
+        self._stamp = stamp
+
+    def _is_due(self, stamp: int) -> bool:
+        period = self.settings.probe_period
+        return period > 0.0 and stamp - self._probed > 1e9 * period and not self.refusal()
+
+    def _start(self) -> None:
+        stress = self._self_stress()
+        period = float(np.median(self._periods))
+        self._probe = Probe(stress.probing, self._amplitude(stress), period)
+        self.detector.begin_probe()
+        self._go_on(False, 0.0)
+
+    def _amplitude(self, stress: SelfStress) -> float:
+        if self.settings.probe_amplitude:
+            return self.settings.probe_amplitude
+        mechanism = self._mechanism
+        strokes = mechanism.rate_scale * np.diff(mechanism.position_limits).ravel()
+        return probe_amplitude(stress.stiffest, self.settings.probe_force, float(strokes.min()))
+
+    def _go_on(self, disturbed: bool, gap: float | None = None) -> None:
+        """Go on with the probe, or end it."""
+        assert self._probe is not None
+        if disturbed or self._probe.over:
+            self._probed = self._stamp
+            if not disturbed:
+                self.detector.end_probe(self._stamp, self._probe.directions)
+            self.finding = self._outcome(disturbed)
+            self._probe, self.rates = None, None
+            return
+        scale = self._mechanism.rate_scale
+        last = np.zeros(len(scale)) if self.rates is None else scale * self.rates
+        moved = (self._gap if gap is None else gap) * last
+        self.rates = self._probe.rates(moved) / scale
+
+    def _outcome(self, disturbed: bool) -> str:
+        """Return what a probe has found, as a sentence."""
+        suspicions = self.detector.suspicions
+        if suspicions:
+            return str(suspicions[-1])
+        if disturbed:
+            return 'ended early: the state has changed'
+        found = self.isolability(True)
+        assert found is not None
+        hidden = ', '.join(map(str, found.undetectable))
+        alike = [
+            ', '.join(map(str, group)) for group in found.classes
+            if len(group) > 1 and HEALTHY not in group
+        ]
+        text = 'no latent failure'
+        if hidden:
+            text += f'; not to be seen: {hidden}'
+        return text + ''.join(f'; would look alike: {group}' for group in alike)
+
+    def _relieving(self, sighting: Sighting) -> FloatArray | None:
+        """Return rates that lead strain back, if a change has left any."""
+        if sighting.efforts is None or not self.detector.sensors.efforts:
+            self.internal_force = np.nan
+            return None
+        stress = self._self_stress()
+        strain = stress.strain(np.nan_to_num(sighting.efforts))
+        self.internal_force = stress.force(strain)
+        size = float(np.abs(strain).max(initial=0.0))
+        least = RELIEF_NOISE * float(self.detector.noise[: len(self._values)].max())
+        if not (self._disturbed and self.settings.relief and size > least):
+            self._disturbed = self._disturbed and size > least
+            return None
+        rates = RELIEF_GAIN * stress.relieving(strain)
+        fastest = float(np.abs(self._mechanism.rate_scale * rates).max())
+        limit = RELIEF_SPEED * self._mechanism.characteristic_length
+        return rates * min(1.0, limit / fastest) if fastest > 0.0 else None
+
+    def _self_stress(self) -> SelfStress:
+        rows, known = self.detector.rows, self.detector.known
+        assert rows is not None
+        if self._stress is None or self._stress[0] is not rows or self._stress[1] != known:
+            self._stress = rows, known, SelfStress(rows, known)
+        return self._stress[2]
