@@ -23,12 +23,22 @@ NOISE_SHARE = 0.5
 MODEL_SHARE = 0.1
 """Share of a commanded motion that the model may be wrong by: levers, lags, gains."""
 
+CROSS_SHARE = 0.02
+"""Share of the largest motion by which any joint may move that should not: the mechanism may be a
+little away from where the responses were derived."""
+
 MOST_PER_CYCLE = 14.0
 """What one reading may add to a sum: no single one convicts."""
 
 LOAD_STEP = 15.0
 """Evidence that a step of the load on the platform costs. It explains every motion of the joints
 that fits the platform, so what has it as the best explanation is no failure."""
+
+AFTERSHOCK = 5.0
+"""The same while the machine still shakes from the last step."""
+
+SHAKING = 50.0
+"""Readings for which it may."""
 
 UNEXPLAINED = 36.0
 """Mean squared innovation, in variances, of the best explanation at which there is none: all
@@ -40,9 +50,17 @@ FASTEST_DRIFT = 10.0
 SMALLEST_DRIFT = 20.0
 """The same over the sensor noise, at rest."""
 
+LEAST_COST = 3.0
+"""Evidence that an unknown motion costs at least: what stands still is stuck, and no drive that
+runs away at no speed."""
+
 CHANGE_OF_PACE = 0.5
 """Share by which an unknown motion may change from one cycle to the next: what shakes to and fro
 is no drive that runs away."""
+
+
+REVERSAL = 1e3
+"""Evidence that an unknown motion costs which turns round: that is a machine that shakes."""
 
 
 def advance(
@@ -84,7 +102,8 @@ def advance(
     variance : (c,) array
         Their common variance, changed in place.
     paces : (h,) array
-        The unknown motions of the last cycle, metres, changed in place.
+        The unknown motions of the last cycle, metres; for the healthy machine, how many readings
+        it may still shake from the last load step. Changed in place.
     scores : (h,) array
         Sums of the evidence, changed in place.
 
@@ -95,14 +114,14 @@ def advance(
         readings have only been taken as a new beginning.
     """
     count, channels, drives = matrices.shape
-    gain, weight, small = np.zeros(channels), np.zeros(channels), 0.0
+    gain, weight = np.zeros(channels), np.zeros(channels)
     used = _uncertainty(
         matrices[0], noise, moved, before, readings, variance, gain, weight
     )
+    least = noise[:drives].max()
+    small = SMALLEST_DRIFT * least
     for j in range(drives):
         small = max(small, FASTEST_DRIFT * abs(moved[j]))
-    for c in range(channels):
-        small = max(small, SMALLEST_DRIFT * noise[c])
     misfit, odds, expected = np.zeros(count), np.zeros(count), np.empty((count, channels))
     best = 1e300
     for h in range(count):
@@ -113,7 +132,7 @@ def advance(
         elif scores[h] == 0.0:
             paces[h] = 0.0
         else:
-            size = CHANGE_OF_PACE * abs(paces[h]) + 0.1 * small
+            size = CHANGE_OF_PACE * abs(paces[h]) + least
         _predict(
             matrices[h], drift[h], weight, moved, readings, levels[h], size, expected[h],
             misfit, odds, paces, h,
@@ -128,9 +147,11 @@ def advance(
                 for h in range(count):
                     levels[h, c] = readings[c]
         return min(best, beside) / used
-    stepped = -0.5 * beside - LOAD_STEP > odds[0]
+    cost = AFTERSHOCK if paces[0] > 0.0 else LOAD_STEP
+    stepped = -0.5 * beside - cost > odds[0]
+    paces[0] = SHAKING if stepped else max(paces[0] - 1.0, 0.0)
     if stepped:
-        odds[0] = -0.5 * beside - LOAD_STEP
+        odds[0] = -0.5 * beside - cost
     for c in range(channels):
         if weight[c] > 0.0:
             variance[c] = gain[c] * noise[c] * noise[c]
@@ -181,6 +202,7 @@ def _uncertainty(
         if drives <= c < 2 * drives:  # an effort: it answers to all setpoints, and cancels
             motion = largest
         wrong = MODEL_SHARE * max(abs(motion), abs(moved[c]) if c < drives else 0.0)
+        wrong = max(wrong, CROSS_SHARE * largest)
         rest = NOISE_SHARE * noise[c]
         predicted = variance[c] + rest * rest + wrong * wrong + change * change
         if readings[c] != readings[c]:
@@ -255,7 +277,9 @@ def _predict(
     if length > 0.0 and room > 0.0:
         share = room / (1.0 + room * length)
         total -= share * along * along
-        odds[place] = -0.5 * log(1.0 + room * length)
+        odds[place] = -max(0.5 * log(1.0 + room * length), LEAST_COST)
+        if paces[place] * (paces[place] + share * along) < 0.0:
+            odds[place] -= REVERSAL
         paces[place] += share * along
         for c in range(len(weight)):
             expected[c] += share * along * drift[c]
