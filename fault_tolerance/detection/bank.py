@@ -54,7 +54,7 @@ LEAST_COST = 3.0
 """Evidence that an unknown motion costs at least: what stands still is stuck, and no drive that
 runs away at no speed."""
 
-CHANGE_OF_PACE = 0.5
+CHANGE_OF_PACE = 0.1
 """Share by which an unknown motion may change from one cycle to the next: what shakes to and fro
 is no drive that runs away."""
 

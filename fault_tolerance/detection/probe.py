@@ -48,6 +48,9 @@ def probe_amplitude(stiffness: float, force: float, stroke: float) -> float:
     return min(force / stiffness, STROKE_SHARE * stroke)
 
 
+MOST_FROM_PROBE = 100.0
+"""Evidence that one probe can make: beyond, its noise is not known well enough."""
+
 POLYNOMIAL = 5
 """Degree of the polynomial that stands for the task during a probe."""
 
@@ -156,4 +159,5 @@ class ProbeRecord:
         information = np.linalg.inv(inverse)
         expected = (found.matrices - found.matrices[0])[:, heard] @ strain
         off = shown[-tones:].T - expected
-        return np.asarray(-0.5 * np.einsum('hci,ij,hcj,c->h', off, information, off, 1 / variance))
+        odds = -0.5 * np.einsum('hci,ij,hcj,c->h', off, information, off, 1.0 / variance)
+        return np.asarray(np.maximum(odds - odds.max(), -MOST_FROM_PROBE))
