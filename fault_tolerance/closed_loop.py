@@ -20,7 +20,7 @@ from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.detection.bank import advance as best_advance
+from fault_tolerance.detection.forms import best_advance
 from fault_tolerance.detection.monitor import Monitor, MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
