@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fault_tolerance.control.failure_reports import ERROR, OK, Report
-from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.output import Output
+from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, State
 from fault_tolerance.control.supervisor import Supervisor

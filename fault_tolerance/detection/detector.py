@@ -90,7 +90,8 @@ class Detector:
         self._since_refresh = 0
         self._crossed: int | None = None
         self._record: ProbeRecord | None = None
-        self._onset, self._travel = np.zeros(0, np.int64), np.zeros(0)
+        self._onset, self._scores = np.zeros(0, np.int64), np.zeros(0)
+        self._travel = self._scores
         self._start_filters((), np.zeros(count))
         self.suspicions: tuple[Suspicion, ...] = ()
         self.forming: Suspicion | None = None
