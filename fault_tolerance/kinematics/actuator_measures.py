@@ -121,7 +121,7 @@ def pair_measures(kinematics: DifferentialKinematics) -> ActuatorMeasures:
     count, driving = len(active), int(np.count_nonzero(active))
     products = mapping.dot(mapping.T)
     position = _position(kinematics, np.sqrt(products.diagonal()))
-    # K = 1 - T T': it projects, so its rows have the lengths t and the products K.
+    # B = 1 - T T': it projects, so its rows have the lengths t and the products B.
     barred = np.negative(products, out=products)
     barred.flat[:: count + 1] += 1.0
     torque = _areas(barred, barred, driving - kinematics.mobility, RANK_TOLERANCE)
