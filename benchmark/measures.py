@@ -3,8 +3,9 @@
 
 """All single and double measures, and those of the live metrics, over loops of the definitions.
 
-Library users call `pair_measures`, which is numpy: closed forms, and definitions where these lose
-digits. Metrics take p, t and h of every single further failure from the kernel.
+Library users call `pair_measures`, which is numpy: a fixed number of operations, so the ratio is
+one of sizes, and sixteen struts stand beside eight. Metrics take p, t and h of every single
+further failure from the kernel.
 """
 
 from __future__ import annotations
@@ -71,14 +72,15 @@ def _live(repeats: int, calls: int) -> list[dict[str, Any]]:
 def run(repeats: int = 5, *, quick: bool = False) -> list[dict[str, Any]]:
     """Return the rows of the results."""
     rows = _live(repeats, 5 if quick else 50)
-    for mechanism in (mechanism_named('gough_stewart_8'), evenly_spaced_mirror(8)):
+    mirrors = [evenly_spaced_mirror(count) for count in (8, 16)]
+    for mechanism in (mechanism_named('gough_stewart_8'), *mirrors):
         kinematics = reconfigured(home_rows(mechanism)).present
         found = in_turn(
             [lambda k=kinematics: pair_measures(k), lambda k=kinematics: by_definition(k)],
             repeats, 5 if quick else 50,
         )
         rows += [
-            row(name, samples, mechanism=mechanism.name, struts=8)
+            row(name, samples, mechanism=mechanism.name, struts=len(mechanism.struts))
             for name, samples in zip((MEASURES, DEFINITIONS), found, strict=True)
         ]
     many = evenly_spaced_mirror(100 if quick else 1000)

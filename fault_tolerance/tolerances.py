@@ -105,9 +105,10 @@ LARGEST_RATE = 1e6
 """The limit of actuators that have none, so that no command overflows."""
 
 CANCELLED = 1e-6
-"""Closed forms of which not more than this share is left have lost six of sixteen digits.
+"""Squares of areas that are not larger, from products of rows, have lost six of sixteen digits.
 
-Below, measures come from their definitions: their relative error stays below 1e-9.
+Below, areas come from what is left of one row beside the other, and p of drives whose rows of T
+are so nearly dependent from its definition: relative errors stay below 1e-9.
 """
 
 SHORT_ROW = 1e-4

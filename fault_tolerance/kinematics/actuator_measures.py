@@ -4,8 +4,9 @@
 """Measures p and t of any actuators, from J_m and T alone.
 
 By definition (docs/theory.md, eq. 14-15), of one set of actuators or of many. Those of all single
-actuators and of all pairs come from the Gram matrices of eq. 21. These subtract; where that costs
-digits, and where it has to be decided whether a measure is 0, the definitions are taken.
+actuators and of all pairs are lengths of rows and areas between two of them (eq. 21). Areas come
+from products of the rows, and where these cancel from what is left of one row beside the other:
+so they are good next to 0 too, and exactly 0 where the definition has no rank.
 """
 
 from __future__ import annotations
@@ -20,12 +21,16 @@ from fault_tolerance.kinematics.subspaces import (
     manipulabilities,
     manipulability,
     null_space,
-    rank_of,
     singular_values,
 )
-from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray, frozen
+from fault_tolerance.mechanism.arrays import FloatArray, IntArray, frozen
 from fault_tolerance.mechanism.linear_algebra import decomposed
-from fault_tolerance.tolerances import CANCELLED, RANK_TOLERANCE, SHORT_ROW
+from fault_tolerance.tolerances import (
+    CANCELLED,
+    RANK_TOLERANCE,
+    ROUNDING_TOLERANCE,
+    SHORT_ROW,
+)
 
 # Bound on the numbers in the matrices that are made at a time, so that memory is limited.
 _MOST_NUMBERS = 1_000_000
@@ -103,96 +108,85 @@ def torque_measures(kinematics: DifferentialKinematics, sets: IntArray) -> Float
 
 def single_measures(kinematics: DifferentialKinematics) -> ActuatorMeasures:
     """Return p and t of every single actuator of ``kinematics``, (N,) each."""
-    return _single_measures(kinematics, *_spare(kinematics))
+    position, torque = (values.diagonal().copy() for values in pair_measures(kinematics))
+    return ActuatorMeasures(frozen(position), frozen(torque))
 
 
 def pair_measures(kinematics: DifferentialKinematics) -> ActuatorMeasures:
-    """Return p and t of every pair of actuators of ``kinematics``, (N, N) each.
+    """Return p and t of every pair of actuators of ``kinematics``, (N, N) each (eq. 21).
 
     Single ones are on the diagonals.
     """
-    active, (spare, least) = kinematics.active, _spare(kinematics)
-    moved = kinematics.mapping @ kinematics.mapping.T
-    shares, still = moved.diagonal(), 1.0 - moved.diagonal()
-    size = np.multiply.outer(shares, shares)
-    moved *= moved
-    torque = np.multiply.outer(still, still) - moved
-    cancelled = torque <= CANCELLED
-    torque = np.sqrt(np.maximum(torque, 0.0))
-    areas = size - moved
-    position, doubtful = np.zeros_like(torque), np.zeros_like(cancelled)
-    if spare is not None:
-        doubtful = (areas <= CANCELLED * size) | (size <= SHORT_ROW**4)
-        if spare.shape[1] > 1:  # otherwise two independent drives take all the freedom there is
-            own = spare @ spare.T
-            kept = np.multiply.outer(own.diagonal(), own.diagonal()) - own * own
-            position = _root_of_ratio(kept, areas, doubtful)
-            doubtful |= kept <= least * size
-    alone = _single_measures(kinematics, spare, least)
-    for values, unsure, measures, diagonal in (
-        (position, doubtful, position_measures, alone.position),
-        (torque, cancelled, torque_measures, alone.torque),
-    ):
-        first, second = np.nonzero(unsure)
-        open_ = (first < second) & active[first] & active[second]
-        pairs = np.stack([first[open_], second[open_]], axis=1)
-        if len(pairs):
-            found = measures(kinematics, pairs)
-            values[pairs[:, 0], pairs[:, 1]] = values[pairs[:, 1], pairs[:, 0]] = found
-        values[~active], values[:, ~active] = np.nan, np.nan
-        np.fill_diagonal(values, diagonal)
-    return ActuatorMeasures(frozen(position), frozen(torque))
-
-
-def _single_measures(
-    kinematics: DifferentialKinematics, spare: FloatArray | None, least: float
-) -> ActuatorMeasures:
-    """Return p and t of every single actuator, (N,) each; see `_spare`."""
     mapping, active = kinematics.mapping, kinematics.active
-    moved = np.einsum('ij,ij->i', mapping, mapping)
-    torque = np.sqrt(np.maximum(1.0 - moved, 0.0))
-    position, doubtful = np.zeros_like(moved), np.zeros_like(active)
-    if spare is not None:
-        doubtful = moved <= SHORT_ROW**2
-        if spare.shape[1]:
-            kept = np.einsum('ij,ij->i', spare, spare)
-            position = _root_of_ratio(kept, moved, doubtful)
-            doubtful |= kept <= least * moved
-    for values, unsure, measures in (
-        (position, doubtful, position_measures),
-        (torque, 1.0 - moved <= CANCELLED, torque_measures),
-    ):
-        places = np.flatnonzero(unsure & active)
-        if len(places):
-            values[places] = measures(kinematics, places[:, None])
-        values[~active] = np.nan
+    count, driving = len(active), int(np.count_nonzero(active))
+    products = mapping.dot(mapping.T)
+    position = _position(kinematics, np.sqrt(products.diagonal()))
+    # B = 1 - T T': it projects, so its rows have the lengths t and the products B.
+    barred = np.negative(products, out=products)
+    barred.flat[:: count + 1] += 1.0
+    torque = _areas(barred, barred, driving - kinematics.mobility, RANK_TOLERANCE)
+    if driving < count:
+        for values in (position, torque):
+            values[~active] = values[:, ~active] = np.nan
     return ActuatorMeasures(frozen(position), frozen(torque))
 
 
-def _spare(kinematics: DifferentialKinematics) -> tuple[FloatArray | None, float]:
-    """Return what eq. 21 needs of J_m.
-
-    Returns
-    -------
-    spare : (N, n - m) array or None
-        T N with N a basis of the null space of J_m; None if rank J_m < m, where every p is 0.
-    least : float
-        Smaller squares of p may count as 0, or have lost digits: then by definition.
-    """
-    major = kinematics.major
+def _position(kinematics: DifferentialKinematics, lengths: FloatArray) -> FloatArray:
+    """Return p (N, N) of every pair of drives; ``lengths`` (N,) are of the rows of T."""
+    major, active = kinematics.major, kinematics.active
+    order, count = len(major), len(active)
     _, sigma, right = decomposed(major)
-    order = len(major)
-    if rank_of(sigma) < order:
-        return None, 0.0
+    if len(sigma) < order or sigma[-1] <= RANK_TOLERANCE * sigma[0]:
+        return np.zeros((count, count))
+    units = kinematics.mapping / np.maximum(lengths, SHORT_ROW)[:, None]
+    spare = units.dot(right[order:].T)
+    position = _areas(spare, spare.dot(spare.T), spare.shape[1], ROUNDING_TOLERANCE)
+    cosines = units.dot(units.T)
+    sines = 1.0 - cosines * cosines
+    sines.flat[:: count + 1] = 1.0
+    # Where rows are nearly dependent or hardly there, and where p may count as 0, by definition.
+    unsure = sines <= CANCELLED
+    short = lengths <= SHORT_ROW
+    if np.count_nonzero(short):
+        unsure[short] = unsure[:, short] = True
+    if spare.shape[1] > 1:
+        position /= np.sqrt(np.maximum(sines, CANCELLED))
     # J_m keeps at least p times its smallest singular value.
-    zero = 10.0 * RANK_TOLERANCE * float(sigma[0] / sigma[-1])
-    return kinematics.mapping @ right[order:].T, max(CANCELLED, zero**2)
+    unsure |= (position > 0.0) & (position <= 10.0 * RANK_TOLERANCE * float(sigma[0] / sigma[-1]))
+    if np.count_nonzero(unsure):
+        pairs = np.argwhere(unsure & active & active[:, None])
+        first, second = pairs.T
+        for sets in (pairs[first == second, :1], pairs[first < second]):
+            places = sets[:, 0], sets[:, -1]
+            position[places] = position[places[::-1]] = position_measures(kinematics, sets)
+    return position
 
 
-def _root_of_ratio(above: FloatArray, below: FloatArray, unless: BoolArray) -> FloatArray:
-    """Return the root of ``above / below``, between 0 and 1; 0 where ``unless``."""
-    share = np.divide(above, below, out=np.zeros_like(below), where=~unless)
-    return np.sqrt(np.minimum(np.maximum(share, 0.0), 1.0))
+def _areas(rows: FloatArray, products: FloatArray, dimension: int, zero: float) -> FloatArray:
+    """Return the areas (N, N) that two of ``rows`` span; on the diagonal the lengths of each.
+
+    0 where the smaller singular value of the two is not above ``zero``. Given are the ``products``
+    (N, N) of the rows, and the ``dimension`` of the space they are in.
+    """
+    squares, areas = (rows * rows).sum(1), np.zeros(products.shape)
+    squares *= squares > zero**2
+    if dimension > 1:
+        areas = squares[:, None] * squares - products * products
+        lost = areas <= CANCELLED
+        lost.flat[:: len(rows) + 1] = False
+        if np.count_nonzero(lost):
+            first, second = lost.nonzero()
+            for part in _parts(len(first), rows.shape[1]):
+                i, j = first[part], second[part]
+                one, rest, size = rows.take(i, 0), rows.take(j, 0), squares.take(i)
+                share = (one * rest).sum(1) / np.maximum(size, zero**2)
+                rest -= share[:, None] * one
+                found = size * (rest * rest).sum(1)
+                areas[i, j] = found * (found > zero**2 * (size + squares.take(j)))
+            # Not the same to the last digit from both sides.
+            areas = np.minimum(areas, areas.T)
+    areas.flat[:: len(rows) + 1] = squares
+    return np.sqrt(areas, out=areas)
 
 
 def _parts(count: int, numbers: int) -> Iterator[slice]:

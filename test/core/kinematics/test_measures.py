@@ -147,6 +147,84 @@ def test_measures_that_are_nearly_zero(small):
     assert expected == pytest.approx(small / np.hypot(1.0, small), rel=1e-6, abs=2e-9)
 
 
+SMALL = (0.0, 1e-13, 1e-11, 1e-8, 3e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.3)
+
+
+def near_degenerate(name, mobility, count, rng):
+    """Return random kinematics in which much nearly vanishes, and the condition number of J_m."""
+    rows = rng.normal(size=(count, mobility))
+    few = np.concatenate([SMALL, np.ones(12)])
+    rows *= rng.choice(few, size=count)[:, None]
+    if rng.random() < 0.5:  # two drives that do nearly the same
+        one, other = rng.choice(count, 2, replace=False)
+        rows[one] = rng.choice([-1.0, 0.4]) * rows[other] + rng.choice(SMALL) * rows[one]
+    if rng.random() < 0.5:  # one that is nearly alone with a motion
+        rows[:, 0] *= rng.choice(SMALL)
+        rows[rng.integers(count), 0] = 1.0
+    mapping, _ = np.linalg.qr(rows)
+    base = cases.state(cases.home(name)).nominal
+    jacobian = rng.normal(size=(len(base.jacobian), mobility))
+    major = jacobian[base.task.major_rows]
+    if rng.random() < 0.5:  # a drive that the task needs
+        major[0] = mapping[rng.integers(count)] + rng.choice(SMALL) * major[0]
+    if rng.random() < 0.5:  # two
+        major[-1] = mapping[rng.integers(count)] + rng.choice(SMALL) * major[-1]
+    if rng.random() < 0.2:
+        major[0] = major[-1] + rng.choice(SMALL) * major[0]
+    jacobian[base.task.major_rows] = major
+    active = np.ones(count, dtype=bool)
+    sigma = singular_values(major)
+    condition = sigma[0] / max(sigma[-1], 1e-9 * sigma[0]) if len(sigma) else 1.0
+    return replace(base, mapping=mapping, jacobian=jacobian, active=active), condition
+
+
+def sharpness(kinematics, chosen):
+    """Return the smallest singular value that counts of the rows of T that are chosen."""
+    sigma = singular_values(kinematics.mapping[list(chosen)])
+    return min(sigma[sigma > 1e-9], default=1.0)
+
+
+@pytest.mark.parametrize('name', ['fsm_4_strut', 'gough_stewart_8'])
+@pytest.mark.parametrize('beyond', [0, 1, 2, 3])
+@pytest.mark.parametrize('redundant', [0, 1, 2, 3])
+def test_next_to_zero_as_defined(name, beyond, redundant):
+    """All kinds of redundancy, of drives and of freedom; measures down to 1e-8 and below."""
+    rng = np.random.default_rng([beyond, redundant])
+    mobility = len(cases.named(name).task.major) + beyond
+    for _ in range(25):
+        kinematics, condition = near_degenerate(name, mobility, mobility + redundant, rng)
+        pairs = pair_measures(kinematics)
+        for values, single in zip(pairs, single_measures(kinematics), strict=True):
+            np.testing.assert_array_equal(values, values.T)
+            np.testing.assert_array_equal(values.diagonal(), single)
+        places = range(len(kinematics.active))
+        for chosen in (*((place, place) for place in places), *combinations(places, 2)):
+            failed = sorted(set(chosen))
+            expected = defined.torque_measure(kinematics, failed)
+            assert pairs.torque[chosen] == pytest.approx(expected, rel=EXACT, abs=1e-14)
+            assert (pairs.torque[chosen] == 0.0) == (expected == 0.0)
+            expected = defined.position_measure(kinematics, failed)
+            # Directions are known no better than this, by whatever formula.
+            known = 1e-14 * condition / sharpness(kinematics, failed)
+            assert pairs.position[chosen] == pytest.approx(expected, rel=EXACT, abs=known)
+            assert (pairs.position[chosen] == 0.0) == (expected == 0.0)
+
+
+def test_a_drive_that_moves_nothing_and_one_that_has_failed():
+    kinematics, _ = near_degenerate('gough_stewart_8', 7, 8, np.random.default_rng(1))
+    mapping = np.vstack([np.zeros((2, 7)), kinematics.mapping])
+    active = np.arange(10) > 0
+    kinematics = replace(kinematics, mapping=mapping, active=active)
+    position, torque = pair_measures(kinematics)
+    assert position[1, 1] == torque[1, 1] == 1.0
+    assert_pairs_as_defined(kinematics, (position, torque))
+
+
+def test_nothing_is_tolerable_where_j_is_singular():
+    kinematics, _ = near_degenerate('gough_stewart_8', 4, 6, np.random.default_rng(1))
+    np.testing.assert_array_equal(pair_measures(kinematics).position, 0.0)
+
+
 def test_all_at_once_or_one_by_one():
     kinematics = cases.state(cases.home('hexapod_8')).nominal
     for size in (1, 2, 3):
