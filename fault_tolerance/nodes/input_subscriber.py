@@ -38,6 +38,11 @@ class InputSubscriber:
         Counts and logs rejected messages.
     cycle : callable
         Called with the present (seconds) when a joint state was accepted.
+
+    Attributes
+    ----------
+    accepted : JointState or None
+        The last one that was.
     """
 
     def __init__(
@@ -59,6 +64,7 @@ class InputSubscriber:
         self._timeline = timeline
         self._health = health
         self._cycle = cycle
+        self.accepted: JointState | None = None
         self._joint_states = node.create_subscription(
             JointState, 'joint_states', self.on_joint_state, _NEWEST
         )
@@ -81,6 +87,7 @@ class InputSubscriber:
             stamp = self._timeline.monotonic(message.header.stamp)
             notice = self._supervisor.joint_reading(values, now, stamp)
             if notice is None:
+                self.accepted = message
                 self._cycle(now)
             if stamp is None:
                 self._warn_of_no_stamp('joint_state')

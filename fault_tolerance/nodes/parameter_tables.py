@@ -11,6 +11,7 @@ from typing import Any
 
 from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.detection.monitor import MonitorSettings
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.simulation.engines import ENGINES
 from fault_tolerance.simulation.plant_settings import PlantSettings
@@ -73,6 +74,21 @@ CONTROLLER = (
             'the characteristic length',
             '', (1e-9, 1e9)),
     ),
+    *_fields(
+        MonitorSettings,
+        detect=(
+            'failures that nobody reports: off, only told (advise), or handled like reports (act)',
+            '', None, ('off', 'advise', 'act')),
+        command_delay=(
+            'from a command to its effect in the joint states; `commission` measures it',
+            's', (0.0, 0.2)),
+        probe_period=('from one self-stress probe to the next; 0: on request only', 's',
+                      (0.0, 1e6)),
+        probe_amplitude=('of the probe; 0: from force and stroke', 'm', (0.0, 1.0)),
+        probe_force=('by which a probe may load a drive', 'N', (0.0, 1e6)),
+        relief=('lead the strain back that a failure leaves behind, where efforts show it',),
+    ),
+    Parameter('pose_topic', '', 'topic of a pose sensor of the platform; empty: there is none'),
     Parameter(
         'realtime_priority', 0,
         'SCHED_FIFO priority, if the system grants it; 0: default scheduling', '', (0, 99),
