@@ -24,6 +24,7 @@ from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.simulation.engines import ENGINES, require_engine
+from fault_tolerance.simulation.faults import FAULT_WORDS
 from fault_tolerance.simulation.reference import Circle, Raster
 
 PAPER_MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')
@@ -129,7 +130,9 @@ def _parser() -> argparse.ArgumentParser:
     one = command(_campaign, 'every single and double failure in simulation, against the theory')
     _add_trials(one)
     command(_inject, 'break or mend the running simulated mirror').add_argument(
-        'words', nargs='+', metavar='WORD', help='as for the topic: stuck theta_4, ok all'
+        'words', nargs='+', metavar='WORD',
+        help='[silent] MODE NAME, as for the topic: stuck theta_4, ok all; '
+        f'MODE is one of {", ".join(FAULT_WORDS)}',
     )
     command(_clear, 'let the running controller release failures')
     return parser

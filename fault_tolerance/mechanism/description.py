@@ -19,7 +19,7 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
-from fault_tolerance.mechanism.failure_modes import mode_words
+from fault_tolerance.mechanism.failure_modes import MISBEHAVIOURS, mode_words
 from fault_tolerance.mechanism.parts import Actuator, Strut
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
@@ -200,7 +200,7 @@ class Mechanism:
 
 
 _SEPARATORS = '/:=,;'
-_RESERVED = ('all', 'silent', *mode_words())
+_RESERVED = ('all', 'silent', *mode_words(), *MISBEHAVIOURS)
 
 
 def _require_usable(source: str, name: str) -> None:

@@ -14,7 +14,7 @@ from fault_tolerance.control.settings import Settings
 from fault_tolerance.detection.monitor import MonitorSettings
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.simulation.engines import ENGINES
-from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import ENCODER_CHOICES, PlantSettings
 from fault_tolerance.simulation.reference import REFERENCE_KINDS
 
 _MECHANISM = Parameter(
@@ -125,8 +125,23 @@ SIMULATOR = (
         unlimited_rate=(
             'maximum rate of actuators without a velocity limit: rad/s, or Lc per second',
             '', (1e-6, 1e6)),
+        breakaway=(
+            'static friction: a drive stands still until it has been told to go farther than '
+            'this, and then slips all the way; times 1/Lc for radians',
+            'm', (0.0, 1.0)),
+        encoders=(
+            'what all encoders read, the joint or the drive; file: as the mechanism file says',
+            '', None, ENCODER_CHOICES),
         encoder_noise=(
             'standard deviation of measured positions; times 1/Lc for radians', 'm', (0.0, 1.0)),
+        encoder_bias=(
+            'by how much the reading of a biased encoder jumps; times 1/Lc for radians',
+            'm', (0.0, 1.0)),
+        weak_share=('how far a weak drive moves of what it is told', '', (0.0, 1.0)),
+        runaway_rate=(
+            'speed of a drive that runs away, towards the upper end of its stroke; times 1/Lc '
+            'for radians',
+            'm/s', (1e-9, 1e3)),
         command_timeout=('the drives stop if no command arrives for this long', 's', _TIMES),
         engagement_time=(
             'time constant with which a repaired part takes up its load', 's', (1e-6, 60.0)),
