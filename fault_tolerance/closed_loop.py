@@ -176,7 +176,7 @@ class ClosedLoop:
             Sighting(stamp, seen.measured_values, seen.efforts), output.failures, estimate.pose,
             lambda: strut_rows(estimate.configuration), output.state in MOVING,
         )
-        if found and self.settings.monitor.detect == 'act':
+        if found and monitor.acts:
             supervisor.reports([detected(monitor.detector.suspicions[-1], self._now)], self._now)
             self.plant.command(supervisor.step(self._now).rates)
             monitor.detector.command(stamp, supervisor.output.rates)

@@ -91,8 +91,8 @@ class Supervisor:
         self._now = -inf
         self._reported_at: float | None = None
         self._recovery_time = 0.0
-        # What is watched after the command: the readings it was made from, and the last rates.
-        self._unwatched: tuple[FloatArray, FloatArray] | None = None
+        # What is watched after the command: the readings it was made from.
+        self._unwatched: FloatArray | None = None
         self.output = self.step(-inf)
 
     @property
@@ -238,7 +238,7 @@ class Supervisor:
             if readings.value is not None and (self._outdated or not stale):
                 found = self._estimate = estimate(self._model, found, readings.value, failures)
                 if self._outdated:
-                    self._unwatched = found.readings, before.rates
+                    self._unwatched = found.readings
                 self._outdated = False
             degraded = found if failures.stuck or failures.free or failures.lost else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
@@ -273,18 +273,16 @@ class Supervisor:
         return self.output
 
     def watch(self) -> tuple[Notice, ...]:
-        """Compare the readings of the last step with the commands before it.
+        """Compare the readings of the last step with the strokes.
 
         To be called after the command is on its way; what it finds is in the next output.
 
         Returns
         -------
         tuple of Notice
-            What readings contradict: strokes, reports, commands.
         """
-        if self._unwatched is not None and self.settings.recovery:
-            readings, rates = self._unwatched
-            self._plausibility.observe(readings, rates, self._ledger.failures, self._now)
+        if self._unwatched is not None:
+            self._plausibility.observe(self._unwatched)
         self._unwatched = None
         return self._plausibility.notices
 

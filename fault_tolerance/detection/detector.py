@@ -25,7 +25,7 @@ from fault_tolerance.detection.sighting import Channels, Sighting
 from fault_tolerance.detection.suspicion import Suspicion, failures_assumed
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
 CYCLES = 3e9
@@ -170,17 +170,19 @@ class Detector:
         heard = self._noise.ready
         if self._noise.take(readings, self._explained):
             self._explained[:] = 0.0
-            self._apart = separated(self._responses, self._noise.deviation > 0.0)
+            self._apart = self._separated()
         if not heard:
             self._start_filters(self._suspects, readings)
-        elif not self._is_blind:
+        elif not self.is_blind:
             self._weigh(readings, moved, stamp)
         self._stamp, self._before = stamp, moved
 
     @property
-    def _is_blind(self) -> bool:
-        """Whether something has been found of which there is no model."""
-        return any(one.verdict.symptom.mode is None for one in self.suspicions)
+    def is_blind(self) -> bool:
+        """Whether something has been found that leaves no model to go on with."""
+        return any(
+            one.verdict.symptom.mode is None or not one.located for one in self.suspicions
+        )
 
     def begin_probe(self) -> None:
         """Record from the next readings on, until `end_probe`."""
@@ -189,7 +191,7 @@ class Detector:
     def end_probe(self, stamp: int, strain: FloatArray) -> None:
         """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns)."""
         record, self._record = self._record, None
-        if record is not None and not self._is_blind:
+        if record is not None and not self.is_blind:
             odds = record.odds(self._responses, strain, self._noise.deviation)
             self._scores = np.maximum(self._scores + odds - odds[0], 0.0)
             self._decide(stamp)
@@ -222,7 +224,7 @@ class Detector:
             return
         self.suspicions, self.forming = (*self.suspicions, suspicion), None
 
-    def _suspicion(self, best: int, rivals: np.ndarray, settled: bool) -> Suspicion:
+    def _suspicion(self, best: int, rivals: BoolArray, settled: bool) -> Suspicion:
         """Return what the evidence amounts to, with all that would look the same."""
         chosen = rivals | (~self._apart[best] if not self._responses.drift[best].any() else False)
         order = [best, *(i for i in np.flatnonzero(chosen).tolist() if i not in (best, 0))]
@@ -230,9 +232,16 @@ class Detector:
         assert self.rows is not None
         return Suspicion(
             candidates, float(self._scores[best]), int(self._onset[best]),
-            float(self._travel[best]),
-            separators(self.rows, self._known, candidates, self.sensors), settled,
+            float(self._travel[best]), self._parts(candidates),
+            separators(self.rows, self._known, candidates, self.sensors, bank.CROSS_SHARE),
+            settled,
         )
+
+    def _parts(self, candidates: tuple[Hypothesis, ...]) -> tuple[str, ...]:
+        """Return the struts that hypotheses are about; actuators where there are no struts."""
+        struts = {one.name: one.strut or one.name for one in self._mechanism.actuators}
+        named = (name for one in candidates for name in (one.name, one.other) if name)
+        return tuple(dict.fromkeys(struts.get(name, name) for name in named))
 
     def _refresh(self, rows: StrutRows, known: FailureSet, pose: FloatArray) -> None:
         """Derive the responses anew."""
@@ -243,7 +252,11 @@ class Detector:
         if suspects != self._suspects:
             self._start_filters(suspects, np.zeros(self._channels.count))
         self._jumps = self._channels.jumps(self._responses)
-        self._apart = separated(self._responses, self._noise.deviation > 0.0)
+        self._apart = self._separated()
+
+    def _separated(self) -> BoolArray:
+        """Return which hypotheses differ by more than the model may be wrong by."""
+        return separated(self._responses, self._noise.deviation > 0.0, bank.CROSS_SHARE)
 
     def _start_filters(self, suspects: tuple[Hypothesis, ...], readings: FloatArray) -> None:
         """Make filters for ``suspects`` that begin at ``readings``."""

@@ -76,6 +76,7 @@ def isolability(
     sensors: Sensors | None = None,
     probe: bool = False,
     symptoms: tuple[Symptom, ...] = PAPER,
+    least: float = NOT_SEPARATED,
 ) -> Isolability:
     """Return which further failures can be told apart after ``failures``.
 
@@ -91,6 +92,8 @@ def isolability(
         Whether the mechanism is strained in itself too, beside the motions of its task.
     symptoms : tuple of Symptom
         The ways to fail.
+    least : float
+        Separation, m/m, that counts: more than rounding, or than the model may be wrong by.
 
     Returns
     -------
@@ -111,7 +114,7 @@ def isolability(
     commanded = np.hstack([motions, strains]) if probe else motions
     separation = separations(found, commanded)
     return Isolability(
-        strains.shape[1], suspects, separation, _classes(suspects, separation > NOT_SEPARATED)
+        strains.shape[1], suspects, separation, _classes(suspects, separation > least)
     )
 
 
@@ -179,7 +182,7 @@ def _largest_differences(shown: FloatArray) -> FloatArray:
     return frozen(result)
 
 
-def separated(found: Responses, heard: BoolArray) -> BoolArray:
+def separated(found: Responses, heard: BoolArray, least: float) -> BoolArray:
     """Return which hypotheses (h, h) can be told apart by some motion of the setpoints.
 
     Parameters
@@ -187,6 +190,8 @@ def separated(found: Responses, heard: BoolArray) -> BoolArray:
     found : Responses
     heard : (c,) array of bool
         The channels that count.
+    least : float
+        Separation, m/m, that counts.
 
     Returns
     -------
@@ -195,7 +200,7 @@ def separated(found: Responses, heard: BoolArray) -> BoolArray:
         away and a reading that jumps do not imitate anything.
     """
     matrices = found.matrices[:, heard]
-    apart = _largest_differences(matrices) > NOT_SEPARATED
+    apart = _largest_differences(matrices) > least
     for place, suspect in enumerate(found.hypotheses):
         drift = found.drift[place, heard]
         if suspect.symptom in (Symptom.RUNAWAY, Symptom.BIASED):
@@ -206,7 +211,7 @@ def separated(found: Responses, heard: BoolArray) -> BoolArray:
             differences = matrices - matrices[place]
             along = np.einsum('c,hcj->hj', direction, differences)
             across = differences - direction[:, None] * along[:, None]
-            like = np.linalg.norm(across, axis=(1, 2)) <= NOT_SEPARATED
+            like = np.linalg.norm(across, axis=(1, 2)) <= least
             apart[place, like] = apart[like, place] = False
     return apart
 
@@ -216,6 +221,7 @@ def separators(
     failures: FailureSet,
     suspects: tuple[Hypothesis, ...],
     sensors: Sensors,
+    least: float,
 ) -> tuple[str, ...]:
     """Return what would tell some of the hypotheses apart that the sensors do not.
 
@@ -227,6 +233,8 @@ def separators(
     suspects : tuple of Hypothesis
     sensors : Sensors
         Those there are.
+    least : float
+        Separation, m/m, that counts.
 
     Returns
     -------
@@ -240,7 +248,7 @@ def separators(
 
     def apart(with_sensors: Sensors, commanded: FloatArray) -> int:
         found = responses(rows, failures, suspects, with_sensors)
-        return int((separations(found, commanded) > NOT_SEPARATED).sum())
+        return int((separations(found, commanded) > least).sum())
 
     found, probed = apart(sensors, motions), apart(sensors, everything)
     options = {

@@ -129,6 +129,14 @@ class Monitor:
         """Whether a probe is under way."""
         return self._probe is not None
 
+    @property
+    def acts(self) -> bool:
+        """Whether what was found last is to be handled as if it had been reported."""
+        if self.settings.detect != 'act' or not self.detector.suspicions:
+            return False
+        last = self.detector.suspicions[-1]
+        return last.located and not last.moves_though_stuck(self._failures)
+
     def forget(self) -> None:
         """Drop what has been found: the failures have been cleared."""
         self.detector.forget()
@@ -203,6 +211,8 @@ class Monitor:
             return 'a probe is under way'
         if not self._moving:
             return 'the controller does not move the mechanism'
+        if detector.is_blind:
+            return f'already found: {detector.suspicions[-1]}'
         if not detector.ready:
             return 'the encoders have not been heard for long enough yet'
         stress = self._self_stress()
@@ -235,7 +245,8 @@ class Monitor:
         key = detector.rows, detector.known, detector.sensors
         if probe not in self._isolability or self._isolability[probe][0] != key:
             found = isolability(
-                detector.rows, detector.known, sensors=detector.sensors, probe=probe
+                detector.rows, detector.known, sensors=detector.sensors, probe=probe,
+                least=bank.CROSS_SHARE,
             )
             self._isolability[probe] = key, found
         return self._isolability[probe][1]
@@ -290,9 +301,9 @@ class Monitor:
 
     def _outcome(self, disturbed: bool) -> str:
         """Return what a probe has found, as a sentence."""
-        suspicions = self.detector.suspicions
-        if suspicions:
-            return str(suspicions[-1])
+        suspicions, forming = self.detector.suspicions, self.detector.forming
+        if suspicions or forming:
+            return str(forming or suspicions[-1])
         if disturbed:
             return 'ended early: the state has changed'
         found = self.isolability(True)

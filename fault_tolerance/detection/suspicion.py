@@ -42,6 +42,8 @@ class Suspicion:
         When it began, nanoseconds of the stamps of the readings.
     travel : float
         How far the setpoints were commanded since then, metres.
+    parts : tuple of str
+        The struts the candidates are about; actuators where there are no struts.
     would_separate : tuple of str
         What would tell the candidates apart: probe, efforts, pose, load.
     settled : bool
@@ -52,6 +54,7 @@ class Suspicion:
     log_odds: float
     onset: int
     travel: float
+    parts: tuple[str, ...] = ()
     would_separate: tuple[str, ...] = ()
     settled: bool = True
 
@@ -75,6 +78,19 @@ class Suspicion:
     def agreed(self) -> bool:
         """Whether all candidates lead to the same report."""
         return len({(one.symptom.mode, one.name) for one in self.candidates}) == 1
+
+    @property
+    def located(self) -> bool:
+        """Whether all candidates are about one part, so that leaving it alone serves all of them.
+
+        Where one of several struts has been lost, the commands of the healthy machine serve
+        whichever it is; to leave alone the wrong one would take a second one away.
+        """
+        return len(self.parts) == 1
+
+    def moves_though_stuck(self, failures: FailureSet) -> bool:
+        """Return whether it is a drive that moves although ``failures`` say that it is stuck."""
+        return self.verdict.symptom is Symptom.RUNAWAY and self.name in failures.stuck
 
     def __str__(self) -> str:
         """Return a sentence."""
@@ -102,13 +118,13 @@ def failures_assumed(
     mechanism : Mechanism
     failures : FailureSet
     suspicions : iterable of Suspicion
-        Those of which there is no model add nothing.
+        Those of which there is no model, or that are about several parts, add nothing.
 
     Returns
     -------
     FailureSet
     """
-    verdicts = [one.verdict for one in suspicions]
+    verdicts = [one.verdict for one in suspicions if one.located]
     further = [(one.symptom.mode, one.name) for one in verdicts if one.symptom.mode is not None]
     if not further:
         return failures

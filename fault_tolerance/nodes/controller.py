@@ -19,11 +19,14 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
+from fault_tolerance.control.failure_reports import Report
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.detection.monitor import MonitorSettings
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.command_publisher import CommandPublisher
 from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
@@ -34,6 +37,7 @@ from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.report_subscriber import Batch, ReportSubscriber
 from fault_tolerance.nodes.scheduling import set_realtime_priority
 from fault_tolerance.nodes.services import OperatorServices
+from fault_tolerance.nodes.silent_failures import SilentFailures
 from fault_tolerance.nodes.spinning import Deferred, run
 from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
@@ -63,13 +67,21 @@ class Controller(Node):
         self._ticked = self._metrics_due = self._collection_due = timeline.now()
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
         self._commands = CommandPublisher(self, mechanism, frame, timeline)
-        self._status = StatusPublisher(self, supervisor, prefix, self.deferred)
         shared = timeline, self._health
-        self._inputs = InputSubscriber(self, supervisor, frame, *shared, self._cycle)
+        self._silent = SilentFailures(
+            self, mechanism, MonitorSettings(**settings_from(MonitorSettings, values)),
+            values['pose_topic'], prefix, self._health, self._on_found,
+        )
+        self._status = StatusPublisher(
+            self, supervisor, prefix, self.deferred, self._silent.values
+        )
+        self._inputs = InputSubscriber(self, supervisor, frame, *shared, self._on_joint_state)
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
         )
-        OperatorServices(self, supervisor, timeline, self._on_operator_request)
+        OperatorServices(
+            self, supervisor, timeline, self._on_operator_request, self._silent.monitor.forget
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         timeline.call_on_jump(self._on_clock_jump)
@@ -84,6 +96,7 @@ class Controller(Node):
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
+        self._silent.command(output.command.rates)
         for notice in self._supervisor.watch():
             self._health.warn(notice)
         self._publish_later(output, now)
@@ -100,6 +113,18 @@ class Controller(Node):
         if now >= self._collection_due:
             self._collection_due = now + COLLECTION_PERIOD
             self.deferred.add(gc.collect)
+
+    def _on_joint_state(self, message: JointState, now: float) -> None:
+        self._cycle(now)
+        beside = self._silent.observe(message, self._supervisor.output)
+        self._supervisor.move_beside(beside)
+
+    def _on_found(self, report: Report) -> None:
+        """Handle a failure that detection has found as any report."""
+        now = self._timeline.now()
+        if self._supervisor.reports([report._replace(stamp=now)], now):
+            self._cycle(now)
+            self._health.count('reconfigurations')
 
     def _on_reports(self, batch: Batch) -> None:
         now = self._timeline.now()
@@ -142,6 +167,7 @@ class Controller(Node):
             output = self._supervisor.step(now)
             if self._commands.moving and not output.rates.any():
                 self._commands.publish(output.rates, output.achieved)
+                self._silent.command(output.rates)
             self._publish_later(output, now)
         self._stepped = False
 
@@ -161,6 +187,7 @@ class Controller(Node):
 
 
 def _settings(values: dict[str, Any]) -> Settings:
+    MonitorSettings(**settings_from(MonitorSettings, values))
     return Settings(**settings_from(Settings, values), clock=time.perf_counter)
 
 

@@ -37,12 +37,7 @@ class InputSubscriber:
     health : Health
         Counts and logs rejected messages.
     cycle : callable
-        Called with the present (seconds) when a joint state was accepted.
-
-    Attributes
-    ----------
-    accepted : JointState or None
-        The last one that was.
+        Called with a joint state that was accepted, and the present (seconds).
     """
 
     def __init__(
@@ -52,7 +47,7 @@ class InputSubscriber:
         base_frame: str,
         timeline: TimeLine,
         health: Health,
-        cycle: Callable[[float], None],
+        cycle: Callable[[JointState, float], None],
     ) -> None:
         task = supervisor.mechanism.task
         self._node = node
@@ -64,7 +59,6 @@ class InputSubscriber:
         self._timeline = timeline
         self._health = health
         self._cycle = cycle
-        self.accepted: JointState | None = None
         self._joint_states = node.create_subscription(
             JointState, 'joint_states', self.on_joint_state, _NEWEST
         )
@@ -87,8 +81,7 @@ class InputSubscriber:
             stamp = self._timeline.monotonic(message.header.stamp)
             notice = self._supervisor.joint_reading(values, now, stamp)
             if notice is None:
-                self.accepted = message
-                self._cycle(now)
+                self._cycle(message, now)
             if stamp is None:
                 self._warn_of_no_stamp('joint_state')
         self._health.warn(notice)

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from math import isfinite
 from typing import Any
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
@@ -25,15 +24,18 @@ from std_srvs.srv import Trigger
 from fault_tolerance.closed_loop import detected
 from fault_tolerance.control.failure_reports import ERROR, WARN, Report
 from fault_tolerance.control.joint_states import JointStateReader
+from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import MOVING
 from fault_tolerance.detection.forms import best_advance
 from fault_tolerance.detection.monitor import Monitor, MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
+from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (
     decimal,
     diagnostics_to_msg,
@@ -57,6 +59,8 @@ class SilentFailures:
         Of a pose sensor; empty: there is none.
     prefix : str
         Begins the hardware ids, if there is one.
+    health : Health
+        Counts and logs what contradicts reports.
     report : callable
         Called with the `Report` of what is found, if it is to be acted on.
     """
@@ -68,9 +72,11 @@ class SilentFailures:
         settings: MonitorSettings,
         pose_topic: str,
         prefix: str,
+        health: Health,
         report: Callable[[Report], None],
     ) -> None:
         self._node, self._mechanism, self._report = node, mechanism, report
+        self._health = health
         self._clock = node.get_clock()
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
@@ -78,6 +84,7 @@ class SilentFailures:
         self._acting = settings.detect == 'act'
         self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
+        self._failures = FailureSet()
         self._waiting: list[tuple[Trigger.Response, Any]] = []
         self._commands = node.create_publisher(JointState, '~/joint_commands', 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -122,7 +129,7 @@ class SilentFailures:
             self._nanoseconds(message.header.stamp), estimate.readings,
             self._joints.efforts(message.name, message.effort), self._pose,
         )
-        self._pose = None
+        self._pose, self._failures = None, output.failures
         found = monitor.observe(
             sighting, output.failures, estimate.pose,
             lambda: strut_rows(estimate.configuration), output.state in MOVING,
@@ -130,7 +137,10 @@ class SilentFailures:
         if found:
             suspicion = monitor.detector.suspicions[-1]
             self._node.get_logger().warning(f'detection: {suspicion}')
-            if self._acting:
+            if suspicion.moves_though_stuck(output.failures):
+                text = f'{suspicion.name}: reported stuck, but moving'
+                self._health.warn(Notice('inconsistent', text, rejected=False))
+            if monitor.acts:
                 self._report(detected(suspicion, output.command.time))
             self._publish()
         if self._waiting and not monitor.probing:
@@ -151,6 +161,9 @@ class SilentFailures:
         alike = [group for group in passive.classes if len(group) > 1] if passive else []
         since = monitor.latent_since_probe
         return {
+            'inconsistent': ', '.join(
+                one.name for one in suspicions if one.moves_though_stuck(self._failures)
+            ),
             'suspected': ', '.join(str(one.verdict) for one in suspicions),
             'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
             'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
@@ -198,7 +211,7 @@ class SilentFailures:
             self._diagnostics.publish(diagnostics_to_msg(self._clock.now().to_msg(), found))
 
     def _status(self, suspicion: Suspicion, *, settled: bool) -> Any:
-        acted = self._acting and settled
+        acted = self._acting and settled and suspicion.located
         return status_to_msg(
             DETECTION, f'{self._prefix}{suspicion.name}', ERROR if acted else WARN,
             str(suspicion),
