@@ -21,7 +21,8 @@ from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.forms import best_advance
-from fault_tolerance.detection.monitor import Monitor, MonitorSettings
+from fault_tolerance.detection.monitor import Monitor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.errors import MechanismError

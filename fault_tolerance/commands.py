@@ -16,6 +16,7 @@ from rich.console import RenderableType
 
 from fault_tolerance.analysis.check_tables import check_table
 from fault_tolerance.analysis.checks import check_report
+from fault_tolerance.analysis.class_tables import class_table
 from fault_tolerance.analysis.demo_summary import summary, summary_table
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
@@ -28,9 +29,14 @@ from fault_tolerance.analysis.tables import (
     paper_table,
 )
 from fault_tolerance.analysis.terminal import console_for_text
+from fault_tolerance.detection.isolability import Isolability, isolability_report
+from fault_tolerance.detection.isolability import isolability as isolability_of
+from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.kinematics.failures import FailureLike
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.description import Mechanism
 
 Form = Literal['text', 'json', 'csv']
 
@@ -56,6 +62,36 @@ def check(post: PostFailure, form: Form, picture: Path | None) -> None:
     if picture is not None:
         draw(post, picture)
     _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))
+
+
+def isolability(
+    mechanism: Mechanism, failed: Sequence[FailureLike], sensors: Sensors, form: Form,
+    *, probe: bool,
+) -> None:
+    """Print which further failures of ``mechanism`` can be told apart, after those ``failed``.
+
+    With ``sensors`` beside the encoders and with a ``probe`` or without, in ``form``, at home.
+    """
+    post = after(mechanism, failed)
+
+    def found(sensors: Sensors, probe: bool) -> Isolability:
+        return isolability_of(post.rows, post.failures, sensors=sensors, probe=probe)
+
+    result = found(sensors, probe)
+    options = {
+        'a probe': (sensors, True),
+        'efforts': (sensors._replace(efforts=True), probe),
+        'a pose sensor': (sensors._replace(pose=True), probe),
+    }
+    report = isolability_report(mechanism, result)
+    helps = [
+        words for words, option in options.items()
+        if len(found(*option).classes) > len(result.classes)
+    ]
+    records = [('class', 'hypothesis'), *(
+        (number, one) for number, group in enumerate(report['classes']) for one in group
+    )]
+    _print(form, report, records, class_table({**report, 'would_help': helps}))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:

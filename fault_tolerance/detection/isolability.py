@@ -10,6 +10,7 @@ Two hypotheses can be told apart if some motion that is commanded shows differen
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import null_space
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
+from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.tolerances import NOT_SEPARATED
 
 
@@ -67,6 +69,35 @@ class Isolability:
     def undetectable(self) -> tuple[Hypothesis, ...]:
         """What looks as if nothing had failed."""
         return tuple(one for one in self.class_of(HEALTHY) if one != HEALTHY)
+
+
+def isolability_report(mechanism: Mechanism, found: Isolability) -> dict[str, Any]:
+    """Return what can be told apart in ``mechanism`` as plain values, for JSON.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    found : Isolability
+        Of the mechanism.
+
+    Returns
+    -------
+    dict
+        ``mechanism``, ``redundancy``, ``classes`` (lists of hypotheses), and ``separation``: by
+        two members of two classes, micrometres that a sensor shows per micrometre commanded.
+    """
+    places = {suspect: place for place, suspect in enumerate(found.suspects)}
+    first = [places[group[0]] for group in found.classes]
+    names = [str(found.suspects[place]) for place in first]
+    return {
+        'mechanism': mechanism.name,
+        'redundancy': found.redundancy,
+        'classes': [[str(one) for one in group] for group in found.classes],
+        'separation': {
+            f'{names[i]},{names[j]}': float(found.separation[first[i], first[j]])
+            for i in range(len(first)) for j in range(i + 1, len(first))
+        },
+    }
 
 
 def isolability(

@@ -10,9 +10,7 @@ rates in directions that do not move a healthy platform.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Literal
+from math import inf
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from fault_tolerance.detection import bank
 from fault_tolerance.detection.detector import Detector
 from fault_tolerance.detection.hypotheses import HEALTHY
 from fault_tolerance.detection.isolability import Isolability, isolability
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
 from fault_tolerance.detection.self_stress import SelfStress
 from fault_tolerance.detection.sighting import Sighting
@@ -27,8 +26,6 @@ from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
-
-Detect = Literal['off', 'advise', 'act']
 
 RELIEF_GAIN = 5.0
 """1/s: how fast strain is led back."""
@@ -38,44 +35,6 @@ RELIEF_SPEED = 1e-3
 
 RELIEF_NOISE = 10.0
 """Strains below so many times the noise of the encoders are left alone."""
-
-
-@dataclass(frozen=True)
-class MonitorSettings:
-    """How failures that nobody reports are looked for.
-
-    Attributes
-    ----------
-    detect : {'off', 'advise', 'act'}
-        Whether what is found is only said, or handled as if it had been reported.
-    command_delay : float
-        Seconds from a command to its effect in the joint states.
-    probe_period : float
-        Seconds between two probes; 0: only on request.
-    probe_amplitude : float
-        Metres; 0: from force and stroke.
-    probe_force : float
-        Newtons by which a probe may load a drive, where the amplitude is not given.
-    relief : bool
-        Whether the strain that a failure or a repair leaves behind is led back, where the efforts
-        show it.
-    """
-
-    detect: Detect = 'advise'
-    command_delay: float = 0.0
-    probe_period: float = 0.0
-    probe_amplitude: float = 0.0
-    probe_force: float = 0.5
-    relief: bool = True
-
-    def __post_init__(self) -> None:
-        """Check the values; ValueError names what is wrong."""
-        if self.detect not in ('off', 'advise', 'act'):
-            raise ValueError(f'detect: {self.detect!r} is not off, advise or act')
-        for name in ('command_delay', 'probe_period', 'probe_amplitude', 'probe_force'):
-            value = getattr(self, name)
-            if not (isfinite(value) and value >= 0.0):
-                raise ValueError(f'{name}: {value} is not a number from 0 on')
 
 
 class Monitor:

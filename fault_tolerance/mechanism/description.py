@@ -11,7 +11,7 @@ into revolutes before they come here. Joint values are zero at home.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite, isnan, nan
 
@@ -20,7 +20,7 @@ import numpy as np
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
 from fault_tolerance.mechanism.failure_modes import MISBEHAVIOURS, mode_words
-from fault_tolerance.mechanism.parts import Actuator, Strut
+from fault_tolerance.mechanism.parts import Actuator, EncoderSide, Joint, Strut
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
 
@@ -135,6 +135,20 @@ class Mechanism:
     def has_uniform_rate_scale(self) -> bool:
         """Whether all drives turn, or all slide: one factor turns rates into m/s."""
         return len(set(self.rate_scale.tolist())) == 1
+
+    def with_encoders(self, side: EncoderSide) -> Mechanism:
+        """Return the same mechanism with the encoders of all actuators on one ``side``."""
+        changed = {one.name: replace(one, encoder=side) for one in self.actuators}
+
+        def joint(one: Joint) -> Joint:
+            return one if one.actuator is None else replace(
+                one, actuator=changed[one.actuator.name]
+            )
+
+        struts = tuple(
+            replace(one, joints=tuple(map(joint, one.joints))) for one in self.struts
+        )
+        return replace(self, struts=struts, actuators=tuple(changed.values()))
 
     def actuator_index(self, name: str) -> int:
         """Return the place of the actuator ``name``; ValueError if there is none."""

@@ -26,7 +26,7 @@ from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.detection.monitor import MonitorSettings
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.command_publisher import CommandPublisher
 from fault_tolerance.nodes.health import ERROR, OK, WARN, Health

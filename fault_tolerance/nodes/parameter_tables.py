@@ -11,7 +11,7 @@ from typing import Any
 
 from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.detection.monitor import MonitorSettings
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.simulation.engines import ENGINES
 from fault_tolerance.simulation.plant_settings import ENCODER_CHOICES, PlantSettings

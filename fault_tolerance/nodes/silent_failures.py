@@ -28,7 +28,8 @@ from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import MOVING
 from fault_tolerance.detection.forms import best_advance
-from fault_tolerance.detection.monitor import Monitor, MonitorSettings
+from fault_tolerance.detection.monitor import Monitor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
@@ -164,7 +165,7 @@ class SilentFailures:
             'inconsistent': ', '.join(
                 one.name for one in suspicions if one.moves_though_stuck(self._failures)
             ),
-            'suspected': ', '.join(str(one.verdict) for one in suspicions),
+            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
             'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
             'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
             'latent_since_probe': decimal(since) if isfinite(since) else '',

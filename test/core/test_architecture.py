@@ -23,14 +23,16 @@ LAYERS = {
     'kinematics': 3,
     'analysis': 4,
     'control': 4,
+    'detection': 4,
     'simulation': 4,
     'closed_loop': 5,
     'commands': 5,
     '__init__': 6,
     'campaign': 7,
     'nodes': 7,
-    'cli': 8,
-    '__main__': 9,
+    'arguments': 8,
+    'cli': 9,
+    '__main__': 10,
 }
 PURE = ('mechanism', 'kinematics', 'control', 'simulation')
 OUTSIDE_WORLD = {'asyncio', 'datetime', 'logging', 'multiprocessing', 'os', 'random', 'socket',
