@@ -50,9 +50,9 @@ FASTEST_DRIFT = 10.0
 SMALLEST_DRIFT = 20.0
 """The same over the sensor noise, at rest."""
 
-LEAST_COST = 3.0
-"""Evidence that an unknown motion costs at least: what stands still is stuck, and no drive that
-runs away at no speed."""
+LEAST_COST = 0.7
+"""Evidence that an unknown motion costs at least: errors of the model that last must not add up
+to one."""
 
 CHANGE_OF_PACE = 0.1
 """Share by which an unknown motion may change from one cycle to the next: what shakes to and fro

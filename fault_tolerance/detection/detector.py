@@ -217,6 +217,10 @@ class Detector:
             return
         self._crossed = stamp if self._crossed is None else self._crossed
         rivals = self._scores > self._scores[best] - LEAD
+        # What stands still is stuck, and no drive that runs away at no speed.
+        plain = rivals & ~self._runs_away
+        if plain.any():
+            best, rivals = int(np.where(plain, self._scores, -1.0).argmax()), plain
         settled = not self._apart[best, rivals].any()
         suspicion = self._suspicion(best, rivals, settled)
         if not (settled or suspicion.agreed or stamp - self._crossed > PATIENCE):
@@ -262,6 +266,7 @@ class Detector:
         """Make filters for ``suspects`` that begin at ``readings``."""
         count = len(suspects)
         self._suspects = suspects
+        self._runs_away = np.array([one.symptom is Symptom.RUNAWAY for one in suspects], bool)
         self._levels = np.tile(readings, (count, 1))
         self._variance = self._noise.deviation**2
         self._paces, self._scores, self._travel = np.zeros((3, count))

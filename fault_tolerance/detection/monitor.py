@@ -137,8 +137,8 @@ class Monitor:
         elif self._is_due(sighting.stamp):
             self._start()
         found = len(self.detector.suspicions) > before
-        if changed or found:
-            self._disturbed, self._failures = True, failures
+        self._disturbed = self._disturbed or failures != self._failures
+        self._failures = failures
         if self._probe is None:
             relieved = moving and not (changed or found)
             self.rates = self._relieving(sighting) if relieved else None
