@@ -44,6 +44,9 @@ from fault_tolerance.nodes.messages import (
     status_to_msg,
 )
 
+PROBE = 'probe'
+"""The frame of commands that contain a probe, for those who replay a recording."""
+
 PERIOD = 1.0
 """Seconds between two publications of what is suspected."""
 
@@ -106,6 +109,7 @@ class SilentFailures:
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
+            message.header.frame_id = PROBE if self.monitor.probing else ''
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
             self._commands.publish(message)
 
