@@ -14,7 +14,6 @@ from math import log
 
 import numpy as np
 
-from fault_tolerance.detection import bank
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom, hypotheses
 from fault_tolerance.detection.isolability import separated, separators
 from fault_tolerance.detection.noise import SMALLEST, SensorNoise
@@ -23,6 +22,7 @@ from fault_tolerance.detection.responses import Sensors, responses
 from fault_tolerance.detection.setpoints import Setpoints
 from fault_tolerance.detection.sighting import Channels, Sighting
 from fault_tolerance.detection.suspicion import Suspicion, failures_assumed
+from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
@@ -56,10 +56,12 @@ class Detector:
     delay : float
         Seconds from a command to its effect in the readings.
     advance : callable
-        `bank.advance`, or its compiled form.
+        `fault_tolerance.kernel.evidence.advance`, or its compiled form.
 
     Attributes
     ----------
+    advance : callable
+        What advances the filters; may be exchanged for another form at any time.
     suspicions : tuple of Suspicion
         What has failed without a report, as it was found; until `forget`.
     forming : Suspicion or None
@@ -74,9 +76,9 @@ class Detector:
         self,
         mechanism: Mechanism,
         delay: float = 0.0,
-        advance: Callable[..., float] = bank.advance,
+        advance: Callable[..., float] = evidence.advance,
     ) -> None:
-        self._mechanism, self._advance = mechanism, advance
+        self._mechanism, self.advance = mechanism, advance
         self._scale = mechanism.rate_scale
         self._setpoints = Setpoints(len(self._scale), round(1e9 * delay))
         self._channels = Channels(mechanism)
@@ -156,7 +158,7 @@ class Detector:
             self._stamp = stamp
         self._since_refresh += 1
         known = failures_assumed(self._mechanism, failures, self.suspicions)
-        if self.rows is None or known != self._known:
+        if self.rows is None or (known is not self._known and known != self._known):
             self._refresh(rows(), known, pose)
             self._restart(readings)
         elif self._since_refresh >= REFRESH:
@@ -164,9 +166,10 @@ class Detector:
             if self._is_far_from(pose):
                 self._refresh(rows(), known, pose)
         moved = self._setpoints.moved(self._stamp, stamp)
-        self._explained += self._responses.matrices[0] @ moved
+        expected = self._healthy @ moved
+        self._explained += expected
         if self._record is not None:
-            self._record.add(readings, moved, self._responses.matrices[0] @ moved)
+            self._record.add(readings, moved, expected)
         heard = self._noise.ready
         if self._noise.take(readings, self._explained):
             self._explained[:] = 0.0
@@ -198,21 +201,21 @@ class Detector:
 
     def _weigh(self, readings: FloatArray, moved: FloatArray, stamp: int) -> None:
         """Take the readings into the filters, and decide."""
-        off = self._advance(
+        off = self.advance(
             self._responses.matrices, self._responses.drift, self._jumps, self._responses.load,
             self._noise.deviation, moved, self._before, readings,
             self._levels, self._variance, self._paces, self._scores,
         )
-        self.unexplained += off > bank.UNEXPLAINED
+        self.unexplained += off > evidence.UNEXPLAINED
         self._decide(stamp, float(np.abs(moved).sum()))
 
     def _decide(self, stamp: int, travel: float = 0.0) -> None:
         """Suspect what the evidence has convicted."""
-        rising = self._scores > 0.0
-        self._onset = np.where(rising, self._onset, stamp)
-        self._travel = np.where(rising, self._travel + travel, 0.0)
+        resting = self._scores == 0.0
+        self._travel += travel
+        self._onset[resting], self._travel[resting] = stamp, 0.0
         best = int(self._scores.argmax())
-        if self._scores[best] <= log(len(self._suspects) * CYCLES):
+        if self._scores[best] <= self._threshold:
             self._crossed, self.forming = None, None
             return
         self._crossed = stamp if self._crossed is None else self._crossed
@@ -237,7 +240,7 @@ class Detector:
         return Suspicion(
             candidates, float(self._scores[best]), int(self._onset[best]),
             float(self._travel[best]), self._parts(candidates),
-            separators(self.rows, self._known, candidates, self.sensors, bank.CROSS_SHARE),
+            separators(self.rows, self._known, candidates, self.sensors, evidence.CROSS_SHARE),
             settled,
         )
 
@@ -255,12 +258,13 @@ class Detector:
         self._responses = responses(rows, known, suspects, Sensors(True, True))
         if suspects != self._suspects:
             self._start_filters(suspects, np.zeros(self._channels.count))
+        self._healthy = self._responses.matrices[0]
         self._jumps = self._channels.jumps(self._responses)
         self._apart = self._separated()
 
     def _separated(self) -> BoolArray:
         """Return which hypotheses differ by more than the model may be wrong by."""
-        return separated(self._responses, self._noise.deviation > 0.0, bank.CROSS_SHARE)
+        return separated(self._responses, self._noise.deviation > 0.0, evidence.CROSS_SHARE)
 
     def _start_filters(self, suspects: tuple[Hypothesis, ...], readings: FloatArray) -> None:
         """Make filters for ``suspects`` that begin at ``readings``."""
@@ -271,6 +275,7 @@ class Detector:
         self._variance = self._noise.deviation**2
         self._paces, self._scores, self._travel = np.zeros((3, count))
         self._onset = np.zeros(count, np.int64)
+        self._threshold = log(max(count, 1) * CYCLES)
         self._crossed = None
 
     def _restart(self, readings: FloatArray) -> None:

@@ -9,12 +9,12 @@ rates in directions that do not move a healthy platform.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from math import inf
 
 import numpy as np
 
-from fault_tolerance.detection import bank
 from fault_tolerance.detection.detector import Detector
 from fault_tolerance.detection.hypotheses import HEALTHY
 from fault_tolerance.detection.isolability import Isolability, isolability
@@ -22,6 +22,7 @@ from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
 from fault_tolerance.detection.self_stress import SelfStress
 from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -32,6 +33,9 @@ RELIEF_GAIN = 5.0
 
 RELIEF_SPEED = 1e-3
 """Characteristic lengths per second; the drives do not relieve strain faster."""
+
+RELIEF_EVERY = 10
+"""Readings from one look at the strain to the next."""
 
 RELIEF_NOISE = 10.0
 """Strains below so many times the noise of the encoders are left alone."""
@@ -45,7 +49,7 @@ class Monitor:
     mechanism : Mechanism
     settings : MonitorSettings, optional
     advance : callable
-        `bank.advance`, or its compiled form.
+        `fault_tolerance.kernel.evidence.advance`, or its compiled form.
 
     Attributes
     ----------
@@ -64,7 +68,7 @@ class Monitor:
         self,
         mechanism: Mechanism,
         settings: MonitorSettings | None = None,
-        advance: Callable[..., float] = bank.advance,
+        advance: Callable[..., float] = evidence.advance,
     ) -> None:
         self.settings = settings or MonitorSettings()
         self.detector = Detector(mechanism, self.settings.command_delay, advance)
@@ -73,8 +77,9 @@ class Monitor:
         self._failures = FailureSet()
         self._probe: Probe | None = None
         self._disturbed = False
-        self._periods: list[float] = []
+        self._periods: deque[float] = deque(maxlen=SAMPLES)
         self._stamp = 0
+        self._readings = 0
         self._probed = 0
         self._moving = False
         self._values = np.full(len(mechanism.actuators), np.nan)
@@ -139,7 +144,10 @@ class Monitor:
         found = len(self.detector.suspicions) > before
         self._disturbed = self._disturbed or failures != self._failures
         self._failures = failures
-        if self._probe is None:
+        self._readings += 1
+        if not moving:
+            self.rates = None
+        if self._probe is None and (self._readings % RELIEF_EVERY == 0 or changed or found):
             relieved = moving and not (changed or found)
             self.rates = self._relieving(sighting) if relieved else None
         return found
@@ -205,7 +213,7 @@ class Monitor:
         if probe not in self._isolability or self._isolability[probe][0] != key:
             found = isolability(
                 detector.rows, detector.known, sensors=detector.sensors, probe=probe,
-                least=bank.CROSS_SHARE,
+                least=evidence.CROSS_SHARE,
             )
             self._isolability[probe] = key, found
         return self._isolability[probe][1]
@@ -220,7 +228,7 @@ class Monitor:
         gap = 1e-9 * (stamp - self._stamp)
         self._gap = gap
         if 0.0 < gap < 1.0:
-            self._periods = [*self._periods[1 - SAMPLES :], gap]
+            self._periods.append(gap)
         if not self._probed or stamp < self._probed:
             self._probed = stamp
         self._stamp = stamp

@@ -70,7 +70,7 @@ class Controller(Node):
         shared = timeline, self._health
         self._silent = SilentFailures(
             self, mechanism, MonitorSettings(**settings_from(MonitorSettings, values)),
-            values['pose_topic'], prefix, self._health, self._on_found,
+            startup.kernel, values['pose_topic'], prefix, self._health, self._on_found,
         )
         self._status = StatusPublisher(
             self, supervisor, prefix, self.deferred, self._silent.values
@@ -157,6 +157,7 @@ class Controller(Node):
         kernel = self._startup.take()
         if kernel is not None:
             self._supervisor.kernel = kernel
+            self._silent.monitor.detector.advance = kernel.advance
             gc.freeze()  # what numba has brought need not be collected
             tell = self.get_logger().warning if kernel.reason else self.get_logger().info
             tell(f'kernel: {kernel.reason or "compiled"}')

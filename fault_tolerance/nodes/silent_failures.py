@@ -27,11 +27,11 @@ from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import MOVING
-from fault_tolerance.detection.forms import best_advance
 from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
+from fault_tolerance.kernel.compilation import Kernel
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -59,6 +59,8 @@ class SilentFailures:
     node : Node
     mechanism : Mechanism
     settings : MonitorSettings
+    kernel : Kernel
+        To begin with.
     pose_topic : str
         Of a pose sensor; empty: there is none.
     prefix : str
@@ -74,6 +76,7 @@ class SilentFailures:
         node: Node,
         mechanism: Mechanism,
         settings: MonitorSettings,
+        kernel: Kernel,
         pose_topic: str,
         prefix: str,
         health: Health,
@@ -84,7 +87,7 @@ class SilentFailures:
         self._clock = node.get_clock()
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
-        self.monitor = Monitor(mechanism, settings, best_advance())
+        self.monitor = Monitor(mechanism, settings, kernel.advance)
         self._acting = settings.detect == 'act'
         self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
