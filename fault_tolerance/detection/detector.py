@@ -92,6 +92,7 @@ class Detector:
         self._since_refresh = 0
         self._crossed: int | None = None
         self._record: ProbeRecord | None = None
+        self._apart: BoolArray | None = None
         self._onset, self._scores = np.zeros(0, np.int64), np.zeros(0)
         self._travel = self._scores
         self._start_filters((), np.zeros(count))
@@ -173,7 +174,7 @@ class Detector:
         heard = self._noise.ready
         if self._noise.take(readings, self._explained):
             self._explained[:] = 0.0
-            self._apart = self._separated()
+            self._apart = None
         if not heard:
             self._start_filters(self._suspects, readings)
         elif not self.is_blind:
@@ -224,16 +225,19 @@ class Detector:
         plain = rivals & ~self._runs_away
         if plain.any():
             best, rivals = int(np.where(plain, self._scores, -1.0).argmax()), plain
-        settled = not self._apart[best, rivals].any()
-        suspicion = self._suspicion(best, rivals, settled)
+        apart = self._separated()[best]
+        settled = not apart[rivals].any()
+        suspicion = self._suspicion(best, rivals, apart, settled)
         if not (settled or suspicion.agreed or stamp - self._crossed > PATIENCE):
             self.forming = suspicion
             return
         self.suspicions, self.forming = (*self.suspicions, suspicion), None
 
-    def _suspicion(self, best: int, rivals: BoolArray, settled: bool) -> Suspicion:
+    def _suspicion(
+        self, best: int, rivals: BoolArray, apart: BoolArray, settled: bool
+    ) -> Suspicion:
         """Return what the evidence amounts to, with all that would look the same."""
-        chosen = rivals | (~self._apart[best] if not self._responses.drift[best].any() else False)
+        chosen = rivals | (~apart if not self._responses.drift[best].any() else False)
         order = [best, *(i for i in np.flatnonzero(chosen).tolist() if i not in (best, 0))]
         candidates = tuple(self._suspects[i] for i in order)
         assert self.rows is not None
@@ -260,11 +264,14 @@ class Detector:
             self._start_filters(suspects, np.zeros(self._channels.count))
         self._healthy = self._responses.matrices[0]
         self._jumps = self._channels.jumps(self._responses)
-        self._apart = self._separated()
+        self._apart = None
 
     def _separated(self) -> BoolArray:
         """Return which hypotheses differ by more than the model may be wrong by."""
-        return separated(self._responses, self._noise.deviation > 0.0, evidence.CROSS_SHARE)
+        if self._apart is None:
+            heard = self._noise.deviation > 0.0
+            self._apart = separated(self._responses, heard, evidence.CROSS_SHARE)
+        return self._apart
 
     def _start_filters(self, suspects: tuple[Hypothesis, ...], readings: FloatArray) -> None:
         """Make filters for ``suspects`` that begin at ``readings``."""
