@@ -79,14 +79,14 @@ class Supervisor:
         )
         self._machine = StateMachine()
         self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
-        self._estimate = self._model.unknown
+        self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
         self._plausibility = Plausibility(mechanism)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
         self._beside: tuple[FloatArray, FailureSet] | None = None
         self._paused = False
-        self._outdated = False
+        self._outdated = self._unread = False
         self._errors = 0
         self._now = -inf
         self._reported_at: float | None = None
@@ -130,16 +130,15 @@ class Supervisor:
         Notice or None
             Why the values were rejected; the last good ones then stand until they are stale.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         taken = np.array(values, dtype=np.float64)
         taken.setflags(write=False)
         notice = None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
             notice = unusable(self.mechanism, taken, self._ledger.failures.lost)
         notice = notice or self._readings.offer(taken, now, stamp)
-        self._outdated = self._outdated or notice is None
+        if notice is None:
+            self._outdated = self._unread = True
         return notice
 
     def task_velocity(
@@ -218,9 +217,7 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         ledger, readings, velocity = self._ledger, self._readings, self._velocity
         failures, before, settings = ledger.failures, self._command, self.settings
         command = None
@@ -236,7 +233,13 @@ class Supervisor:
             found = self._estimate
             # Without anything new, too: so the first step after a failure finds its way cached.
             if readings.value is not None and (self._outdated or not stale):
-                found = self._estimate = estimate(self._model, found, readings.value, failures)
+                if self._unread:
+                    self._base, self._unread = found, False
+                # From where the readings before these have led to: however often a step is done
+                # with the same ones, what follows stays the same to the last bit.
+                found = self._estimate = estimate(
+                    self._model, self._base, readings.value, failures
+                )
                 if self._outdated:
                     self._unwatched = found.readings
                 self._outdated = False

@@ -89,14 +89,15 @@ class Controller(Node):
         if startup.remark:
             self.get_logger().warning(startup.remark)
 
-    def _cycle(self, now: float) -> None:
-        """Compute and publish one command."""
+    def _cycle(self, now: float, *, answers: bool = False) -> None:
+        """Compute and publish one command; say whether it ``answers`` a joint state."""
         output = self._supervisor.step(now)
         self._commands.publish(output.command.rates, output.command.twist)
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
-        self._silent.command(output.command.rates)
+        answered = output.estimate.readings if answers else None
+        self._silent.command(output.command.rates, answered)
         for notice in self._supervisor.watch():
             self._health.warn(notice)
         self._publish_later(output, now)
@@ -115,7 +116,7 @@ class Controller(Node):
             self.deferred.add(gc.collect)
 
     def _on_joint_state(self, message: JointState, now: float) -> None:
-        self._cycle(now)
+        self._cycle(now, answers=True)
         beside = self._silent.observe(message, self._supervisor.output)
         self._supervisor.move_beside(beside)
 
