@@ -97,7 +97,7 @@ def test_joint_states_that_the_controller_did_not_take_are_passed_over(tmp_path)
     extra = [one for one in loop.samples if one.topic == '/joint_states'][60]
     for shift in (-3_000, 3_000):
         message = STORE.deserialize_cdr(extra.data, extra.kind)
-        message.position[1] += 1e-9
+        message.position = message.position + 1e-9
         loop.samples.append(sample(extra.topic, message, extra.time + shift))
     again = replayed(recorded_inputs(loop.write(tmp_path / 'run.mcap')), loop.mechanism)
     assert [one.odds for one in again.course] == loop.evidence
