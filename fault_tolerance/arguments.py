@@ -44,7 +44,7 @@ def add_forms(parser: argparse.ArgumentParser) -> None:
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
-    """Add what detection on a recording needs to a ``parser``."""
+    """Add what detection on a recording needs, and the forms of output, to a ``parser``."""
     parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
     parser.add_argument(
         '--mechanism', metavar='FILE', help='or a shipped one; without: as the metrics say'
@@ -64,6 +64,7 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--output', type=Path, metavar='FOLDER', help='for the figure; without: beside the bag'
     )
+    add_forms(parser)
 
 
 def add_trials(parser: argparse.ArgumentParser) -> None:

@@ -151,9 +151,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     one.add_argument('--namespace', help='of the robot, if there are several in the bag')
 
-    one = command(_detect, 'failures that nobody has reported, in a recorded run')
-    add_recording(one)
-    add_forms(one)
+    add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
 
     one = command(_campaign, 'every single and double failure in simulation, against the theory')
     add_trials(one)

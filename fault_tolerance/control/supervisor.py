@@ -130,7 +130,9 @@ class Supervisor:
         Notice or None
             Why the values were rejected; the last good ones then stand until they are stale.
         """
-        self._pass_time(now)
+        if now < self._now:
+            self.forget_times(now)
+        self._now = now
         taken = np.array(values, dtype=np.float64)
         taken.setflags(write=False)
         notice = None
@@ -217,7 +219,9 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        self._pass_time(now)
+        if now < self._now:
+            self.forget_times(now)
+        self._now = now
         ledger, readings, velocity = self._ledger, self._readings, self._velocity
         failures, before, settings = ledger.failures, self._command, self.settings
         command = None
@@ -233,16 +237,12 @@ class Supervisor:
             found = self._estimate
             # Without anything new, too: so the first step after a failure finds its way cached.
             if readings.value is not None and (self._outdated or not stale):
-                if self._unread:
+                if self._unread:  # else from the same place again: the same to the last bit
                     self._base, self._unread = found, False
-                # From where the readings before these have led to: however often a step is done
-                # with the same ones, what follows stays the same to the last bit.
-                found = self._estimate = estimate(
-                    self._model, self._base, readings.value, failures
-                )
+                base, values = self._base, readings.value
+                found = self._estimate = estimate(self._model, base, values, failures)
                 if self._outdated:
-                    self._unwatched = found.readings
-                self._outdated = False
+                    self._unwatched, self._outdated = found.readings, False
             degraded = found if failures.stuck or failures.free or failures.lost else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = 'paused' if self._paused else found.obstacle
