@@ -115,19 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
-    one = command(_isolability, 'which failures nobody reports can be told apart')
-    one.add_argument('mechanism', help='a shipped mechanism or a file')
-    add_failed(one)
-    one.add_argument(
-        '--encoders', choices=('load', 'motor'),
-        help='what all encoders read: the joints, or the drives (default: as the file says)',
-    )
-    one.add_argument(
-        '--sensors', type=sensors, default=Sensors(), metavar='LIST',
-        help='encoders, and with commas: efforts, pose (default: encoders)',
-    )
-    one.add_argument('--probe', action='store_true', help='with the self-stress probe')
-    add_forms(one)
+    _add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
     one.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
@@ -162,6 +150,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     command(_clear, 'let the running controller release failures')
     return parser
+
+
+def _add_isolability(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    add_failed(parser)
+    parser.add_argument(
+        '--encoders', choices=('load', 'motor'),
+        help='what all encoders read: the joints, or the drives (default: as the file says)',
+    )
+    parser.add_argument(
+        '--sensors', type=sensors, default=Sensors(), metavar='LIST',
+        help='encoders, and with commas: efforts, pose (default: encoders)',
+    )
+    parser.add_argument('--probe', action='store_true', help='with the self-stress probe')
+    add_forms(parser)
 
 
 def _measures(chosen: argparse.Namespace) -> None:

@@ -15,10 +15,10 @@ from math import log
 import numpy as np
 
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom, hypotheses
-from fault_tolerance.detection.isolability import separated, separators
 from fault_tolerance.detection.noise import SMALLEST, SensorNoise
 from fault_tolerance.detection.probe import ProbeRecord
 from fault_tolerance.detection.responses import Sensors, responses
+from fault_tolerance.detection.separation import separated, separators
 from fault_tolerance.detection.setpoints import Setpoints
 from fault_tolerance.detection.sighting import Channels, Sighting
 from fault_tolerance.detection.suspicion import Suspicion, failures_assumed

@@ -20,6 +20,7 @@ from fault_tolerance.detection.hypotheses import HEALTHY
 from fault_tolerance.detection.isolability import Isolability, isolability
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
+from fault_tolerance.detection.relief import Relief
 from fault_tolerance.detection.self_stress import SelfStress
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.kernel import evidence
@@ -28,17 +29,8 @@ from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
-RELIEF_GAIN = 5.0
-"""1/s: how fast strain is led back."""
-
-RELIEF_SPEED = 1e-3
-"""Characteristic lengths per second; the drives do not relieve strain faster."""
-
 RELIEF_EVERY = 10
 """Readings from one look at the strain to the next."""
-
-RELIEF_NOISE = 10.0
-"""Strains below so many times the noise of the encoders are left alone."""
 
 
 class Monitor:
@@ -58,8 +50,6 @@ class Monitor:
     rates : (N,) array or None
         What the drives are to do beside the task until the next readings, in the mechanism's
         units; None: nothing.
-    internal_force : float
-        The largest force of the drives against each other, N; NaN where no efforts show it.
     finding : str
         What the last probe found; empty before there was one.
     """
@@ -76,7 +66,7 @@ class Monitor:
         self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
         self._failures = FailureSet()
         self._probe: Probe | None = None
-        self._disturbed = False
+        self._relief = Relief(mechanism, self.settings.relief)
         self._periods: deque[float] = deque(maxlen=SAMPLES)
         self._stamp = 0
         self._readings = 0
@@ -85,8 +75,12 @@ class Monitor:
         self._values = np.full(len(mechanism.actuators), np.nan)
         self._isolability: dict[bool, tuple[object, Isolability]] = {}
         self.rates: FloatArray | None = None
-        self.internal_force = np.nan
         self.finding = ''
+
+    @property
+    def internal_force(self) -> float:
+        """The largest force of the drives against each other, N; NaN where no efforts show it."""
+        return self._relief.internal_force
 
     @property
     def probing(self) -> bool:
@@ -141,7 +135,7 @@ class Monitor:
         elif self._is_due(sighting.stamp):
             self._start()
         found = len(self.detector.suspicions) > before
-        self._disturbed = self._disturbed or failures != self._failures
+        self._relief.disturbed |= failures != self._failures
         self._failures = failures
         self._readings += 1
         if not moving:
@@ -287,20 +281,10 @@ class Monitor:
     def _relieving(self, sighting: Sighting) -> FloatArray | None:
         """Return rates that lead strain back, if a change has left any."""
         if sighting.efforts is None or not self.detector.sensors.efforts:
-            self.internal_force = np.nan
+            self._relief.internal_force = np.nan
             return None
-        stress = self._self_stress()
-        strain = stress.strain(np.nan_to_num(sighting.efforts))
-        self.internal_force = stress.force(strain)
-        size = float(np.abs(strain).max(initial=0.0))
-        least = RELIEF_NOISE * float(self.detector.noise[: len(self._values)].max())
-        if not (self._disturbed and self.settings.relief and size > least):
-            self._disturbed = self._disturbed and size > least
-            return None
-        rates = RELIEF_GAIN * stress.relieving(strain)
-        fastest = float(np.abs(self._mechanism.rate_scale * rates).max())
-        limit = RELIEF_SPEED * self._mechanism.characteristic_length
-        return rates * min(1.0, limit / fastest) if fastest > 0.0 else None
+        noise = float(self.detector.noise[: len(self._values)].max())
+        return self._relief.rates(self._self_stress(), sighting.efforts, noise)
 
     def _self_stress(self) -> SelfStress:
         rows, known = self.detector.rows, self.detector.known
