@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from math import isfinite
+from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.detection.responses import Sensors
@@ -40,6 +41,30 @@ def add_forms(parser: argparse.ArgumentParser) -> None:
             f'--{form}', dest='form', action='store_const', const=form, default='text',
             help=f'as {form.upper()}, for programs',
         )
+
+
+def add_recording(parser: argparse.ArgumentParser) -> None:
+    """Add what detection on a recording needs, and the forms of output, to a ``parser``."""
+    parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
+    parser.add_argument(
+        '--mechanism', metavar='FILE', help='or a shipped one; without: as the metrics say'
+    )
+    parser.add_argument('--namespace', help='of the robot, if there are several in the bag')
+    parser.add_argument(
+        '--detect', choices=('advise', 'act'), default='advise',
+        help='act: handle what is found as if it had been reported (default: advise)',
+    )
+    parser.add_argument(
+        '--pose', default='', metavar='TOPIC', help='of a pose sensor (PoseStamped)'
+    )
+    parser.add_argument(
+        '--delay', type=seconds, default=0.0, metavar='S',
+        help="the controller's parameter command_delay (default: 0)",
+    )
+    parser.add_argument(
+        '--output', type=Path, metavar='FOLDER', help='for the figure; without: beside the bag'
+    )
+    add_forms(parser)
 
 
 def add_trials(parser: argparse.ArgumentParser) -> None:
@@ -87,6 +112,20 @@ def value(text: str) -> tuple[str, float]:
     if not found or not name or not isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
     return name, value
+
+
+def seconds(text: str) -> float:
+    """Return ``text`` as a number of seconds from 0 on.
+
+    ArgumentTypeError if it is none.
+    """
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not (isfinite(found) and found >= 0.0):
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number of seconds')
+    return found
 
 
 def positive(text: str) -> int:

@@ -16,7 +16,14 @@ from pathlib import Path
 from typing import NoReturn
 
 from fault_tolerance import commands
-from fault_tolerance.arguments import add_failed, add_forms, add_state, add_trials, sensors
+from fault_tolerance.arguments import (
+    add_failed,
+    add_forms,
+    add_recording,
+    add_state,
+    add_trials,
+    sensors,
+)
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
@@ -25,6 +32,7 @@ from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
 from fault_tolerance.simulation.reference import Circle, Raster
@@ -131,6 +139,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     one.add_argument('--namespace', help='of the robot, if there are several in the bag')
 
+    add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
+
     one = command(_campaign, 'every single and double failure in simulation, against the theory')
     add_trials(one)
     command(_inject, 'break or mend the running simulated mirror').add_argument(
@@ -205,6 +215,11 @@ def _watch(chosen: argparse.Namespace) -> int:
 
 def _report(chosen: argparse.Namespace) -> None:
     commands.report(chosen.bag, chosen.output, chosen.namespace)
+
+
+def _detect(chosen: argparse.Namespace) -> None:
+    options = (chosen.mechanism, chosen.namespace, chosen.detect, chosen.pose, chosen.delay)
+    commands.detect(chosen.bag, DetectOptions(*options), chosen.output, chosen.form)
 
 
 def _campaign(chosen: argparse.Namespace) -> int:

@@ -92,8 +92,7 @@ class Monitor:
         """Whether what was found last is to be handled as if it had been reported."""
         if self.settings.detect != 'act' or not self.detector.suspicions:
             return False
-        last = self.detector.suspicions[-1]
-        return last.located and not last.moves_though_stuck(self._failures)
+        return self.detector.suspicions[-1].asks_to_act(self._failures)
 
     def forget(self) -> None:
         """Drop what has been found: the failures have been cleared."""
