@@ -61,7 +61,7 @@ def read_messages(path: Path) -> Iterator[Message]:
     FaultToleranceError if it cannot be read.
     """
     with _opened(path) as reader:
-        chosen = [one for one in reader.connections if topics.split(one.topic)]
+        chosen = [one for one in reader.connections if topics.is_read(one.topic)]
         for connection, time, data in reader.messages(connections=chosen) if chosen else ():
             yield Message(connection.topic, time, reader.deserialize(data, connection.msgtype))
 

@@ -124,6 +124,13 @@ def given_values(node: Node) -> dict[str, Any]:
     return {name: parameter.value for name, parameter in overrides.items()}
 
 
+def _call_it_off(node: Node, name: str) -> str:
+    """Return ``off``, and make it the value: YAML takes the bare word for a boolean."""
+    overrides = getattr(node, '_parameter_overrides', {})
+    overrides[name] = NodeParameter(name, value='off')
+    return 'off'
+
+
 def declared_values(
     node: Node,
     table: Sequence[Parameter],
@@ -139,6 +146,8 @@ def declared_values(
     known = {entry.name: entry for entry in table}
     for name, value in given_values(node).items():
         if name in known:
+            if value is False and 'off' in known[name].choices:
+                value = _call_it_off(node, name)
             known[name].checked(value)
         elif not name.startswith((*_ELSEWHERE, *elsewhere)):
             # Not an error: a file for all nodes may hold parameters of others.

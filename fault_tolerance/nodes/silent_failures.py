@@ -85,10 +85,10 @@ class SilentFailures:
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
         self.monitor = Monitor(mechanism, settings, best_advance())
-        self._acting = settings.detect == 'act'
         self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
+        self._acted: set[Suspicion] = set()
         self._waiting: list[tuple[Trigger.Response, Any]] = []
         self._commands = node.create_publisher(JointState, '~/joint_commands', 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -146,6 +146,7 @@ class SilentFailures:
                 text = f'{suspicion.name}: reported stuck, but moving'
                 self._health.warn(Notice('inconsistent', text, rejected=False))
             if monitor.acts:
+                self._acted = self._acted.intersection(monitor.detector.suspicions) | {suspicion}
                 self._report(detected(suspicion, output.command.time))
             self._publish()
         if self._waiting and not monitor.probing:
@@ -209,14 +210,15 @@ class SilentFailures:
     def _publish(self) -> None:
         """Publish every suspicion, and what is about to become one."""
         detector = self.monitor.detector
-        found = [self._status(one, settled=True) for one in detector.suspicions]
+        found = [self._status(one) for one in detector.suspicions]
         if detector.forming is not None:
-            found.append(self._status(detector.forming, settled=False))
+            found.append(self._status(detector.forming))
         if found:
             self._diagnostics.publish(diagnostics_to_msg(self._clock.now().to_msg(), found))
 
-    def _status(self, suspicion: Suspicion, *, settled: bool) -> Any:
-        acted = self._acting and settled and suspicion.located
+    def _status(self, suspicion: Suspicion) -> Any:
+        # The controller hears its own reports: only what it acts on may be one.
+        acted = suspicion in self._acted
         return status_to_msg(
             DETECTION, f'{self._prefix}{suspicion.name}', ERROR if acted else WARN,
             str(suspicion),
