@@ -119,6 +119,15 @@ def _parser() -> argparse.ArgumentParser:
         '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
     )
 
+    one = command(_commission, 'the supervised first motion of a machine: is its file right?')
+    one.add_argument('mechanism', help='a shipped mechanism or a file')
+    one.add_argument('--yes', action='store_true', help='move without asking')
+    one.add_argument('--strain', type=float, metavar='M', help='how far drives may strain others')
+    one.add_argument('--step', action='append', default=[], type=_step, metavar='[NAME=]VALUE',
+                     help='how far drives go at most, m or rad')
+    one.add_argument('--namespace', default='', help='of the machine')
+    one.add_argument('--json', action='store_true', help='as JSON, for programs')
+
     one = command(_report, 'figure and page of a recorded run')
     one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
     one.add_argument(
@@ -188,6 +197,10 @@ def _value(text: str) -> tuple[str, float]:
     return name, value
 
 
+def _step(text: str) -> tuple[str, float]:
+    return _value(text) if '=' in text else ('', _value(f'all={text}')[1])
+
+
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f'{text!r} is not a positive whole number')
@@ -236,6 +249,15 @@ def _watch(chosen: argparse.Namespace) -> int:
     with _needing_rclpy():
         from fault_tolerance.nodes.watch_cli import watch
     return watch(chosen.namespace, chosen.mechanism, chosen.duration)
+
+
+def _commission(chosen: argparse.Namespace) -> int:
+    with _needing_rclpy():
+        from fault_tolerance.nodes.commission_cli import commission
+    return commission(
+        chosen.mechanism, yes=chosen.yes, steps=dict(chosen.step), strain=chosen.strain,
+        namespace=chosen.namespace, as_json=chosen.json,
+    )
 
 
 def _report(chosen: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ from fault_tolerance.commissioning.findings import Finding, listed, quantity, wr
 from fault_tolerance.commissioning.jogs import BEYOND, Jog, Jogger, Sample, Steps, Surprise
 from fault_tolerance.commissioning.limits_of_knowledge import untold
 from fault_tolerance.commissioning.matrix_findings import matrix_findings
-from fault_tolerance.commissioning.single_drives import moving, single_findings
+from fault_tolerance.commissioning.single_drives import ROUGHLY, moving, single_findings
 from fault_tolerance.commissioning.step_sizes import Plan
 from fault_tolerance.commissioning.travels import Travels, delay_of
 from fault_tolerance.commissioning.whole_motions import whole_findings
@@ -99,6 +99,10 @@ class FirstMotion:
             self.stop(str(surprise))
         return self._zeros
 
+    def expect(self, now: float) -> None:
+        """Count the time without a reading from ``now`` on, before the first one."""
+        self._last = now
+
     def tick(self, now: float) -> None:
         """Stop if there has been no reading for `LONGEST_GAP` at the time ``now``."""
         if self._last is not None and now - self._last > LONGEST_GAP:
@@ -125,8 +129,8 @@ class FirstMotion:
         if plan.singly is not None:
             yield from self._one_by_one(plan.singly)
         if plan.couplings.redundancy and not wrong(self.findings):
-            if plan.singly is None:
-                yield from self._all_at_once(PILOT)
+            # What strains nothing by a right file may strain much by one that is a little wrong.
+            yield from self._all_at_once(PILOT)
             if not wrong(self.findings):
                 yield from self._all_at_once(1.0)
         yield from self._jogger.watch(plan.steps)
@@ -172,7 +176,8 @@ class FirstMotion:
         )
         if reach < 1.0 and followed and not travels.rough.any():
             # Small motions say whether to go on; their sizes are for the large ones to judge.
-            found = [one for one in found if one.entry != 'unit' or abs(one.probable - 1.0) > 0.5]
+            found = [one for one in found
+                     if one.entry != 'unit' or abs(one.probable - 1.0) > ROUGHLY]
         self.findings += found
 
     def _try(
@@ -236,14 +241,19 @@ class FirstMotion:
         told = jog.share * direction
         place = int(np.abs(told * mechanism.rate_scale).argmax())
         turning = mechanism.actuators[place].kind == 'revolute'
-        read = float(jog.out[place])
+        read, wanted = float(jog.out[place]), ''
         if np.count_nonzero(direction) == 1:
             self.ratios[label] = float(tried.response[place] / direction[place])
+            share = float(self.plan.couplings.projection[place, place])
+            if self.plan.couplings.redundancy and mechanism.actuators[place].encoder == 'load':
+                # The others hold it back.
+                expected = quantity(share * float(told[place]), turning)
+                wanted = f' ({expected} expected)'
         late = f', {1e3 * delay:.0f} ms later' if isfinite(delay) else ''
         which = '' if np.count_nonzero(direction) == 1 else f' {self._names[place]}'
         self.progress.append(
             f'{label}:{which} told {quantity(float(told[place]), turning)}, read '
-            f'{quantity(read, turning)}{late}'
+            f'{quantity(read, turning)}{wanted}{late}'
         )
         short = np.abs(jog.out + jog.back)
         band = 0.1 * np.abs(jog.out).max() + 8.0 * self._jogger.uncertainty()

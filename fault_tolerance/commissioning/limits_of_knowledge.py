@@ -36,10 +36,11 @@ def untold(plan: Plan, found: Sequence[Finding]) -> list[Finding]:
         findings.append(Finding('home', names, text, 'unknown'))
         return findings
     apart = np.abs(projection - np.diag(np.diag(projection))).max(axis=1) <= COUPLED
-    at_motor = np.array([one.encoder == 'motor' for one in mechanism.actuators])
-    wrong_side = {name for one in found if one.entry == 'encoder' and one.probable == 'motor'
-                  for name in one.actuators}
-    hidden = apart | at_motor | np.isin(names, sorted(wrong_side))
+    sides = {one.name: one.encoder for one in mechanism.actuators} | {
+        name: one.probable for one in found if one.entry == 'encoder' and one.probable
+        for name in one.actuators
+    }
+    hidden = apart | np.array([sides[name] == 'motor' for name in names])
     if plan.singly is None:
         text = (
             '`encoder`: not tested. A drive that moves alone strains the others, and the file '

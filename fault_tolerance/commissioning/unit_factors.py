@@ -65,8 +65,10 @@ def _gear_in_words(ratio: float, tolerance: float) -> str:
     """Return the whole gear ratio that a ratio is near to."""
     size = max(ratio, 1.0 / ratio)
     whole = round(size)
+    if tolerance > _FINE or not 2 <= whole <= _LARGEST_GEAR:
+        return ''
     # Between large whole numbers anything would be near to one.
-    if tolerance > _FINE or not 2 <= whole <= _LARGEST_GEAR or not _near(size, whole, min(tolerance, 0.2 / whole)):
+    if not _near(size, whole, min(tolerance, 0.2 / whole)):
         return ''
     return f'a gear of {whole}:1 between what is commanded and what is read'
 
