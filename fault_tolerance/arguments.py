@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
@@ -103,11 +103,24 @@ def add_isolability(parser: argparse.ArgumentParser) -> None:
     add_forms(parser)
 
 
+def add_watch(parser: argparse.ArgumentParser) -> None:
+    """Add what the live view needs to a ``parser``."""
+    parser.add_argument('--namespace', default='', help='of the controller')
+    parser.add_argument(
+        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
+    )
+    parser.add_argument(
+        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
+    )
+
+
 def add_first_motion(parser: argparse.ArgumentParser) -> None:
     """Add what the first motion of a machine needs to a ``parser``."""
     parser.add_argument('mechanism', help='a shipped mechanism or a file')
     parser.add_argument('--yes', action='store_true', help='move without asking')
-    parser.add_argument('--strain', type=float, metavar='M', help='how far drives may strain others')
+    parser.add_argument(
+        '--strain', type=float, metavar='M', help='how far drives may strain others'
+    )
     parser.add_argument('--step', action='append', default=[], type=step, metavar='[NAME=]VALUE',
                         help='how far drives go at most, m or rad')
     parser.add_argument('--namespace', default='', help='of the machine')

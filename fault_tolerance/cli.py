@@ -11,7 +11,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from math import inf
 from pathlib import Path
 from typing import NoReturn
 
@@ -23,6 +22,7 @@ from fault_tolerance.arguments import (
     add_recording,
     add_state,
     add_trials,
+    add_watch,
 )
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import run_campaign
@@ -122,15 +122,7 @@ def _parser() -> argparse.ArgumentParser:
         '--engine', choices=ENGINES, default=ENGINES[0], help='what simulates the mirror'
     )
 
-    one = command(_watch, 'look at a running controller')
-    one.add_argument('--namespace', default='', help='of the controller')
-    one.add_argument(
-        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
-    )
-    one.add_argument(
-        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
-    )
-
+    add_watch(command(_watch, 'look at a running controller'))
     add_first_motion(
         command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
