@@ -113,7 +113,7 @@ class SilentFailures:
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
-            message.header.frame_id = PROBE if self.monitor.probing else ''
+            message.header.frame_id = PROBE if self.monitor.straining else ''
             if answered is not None:
                 message.position = self._mechanism.readings_from_values(answered).tolist()
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
