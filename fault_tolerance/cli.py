@@ -119,15 +119,7 @@ def _parser() -> argparse.ArgumentParser:
         '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
     )
 
-    one = command(_commission, 'the supervised first motion of a machine: is its file right?')
-    one.add_argument('mechanism', help='a shipped mechanism or a file')
-    one.add_argument('--yes', action='store_true', help='move without asking')
-    one.add_argument('--strain', type=float, metavar='M', help='how far drives may strain others')
-    one.add_argument('--step', action='append', default=[], type=_step, metavar='[NAME=]VALUE',
-                     help='how far drives go at most, m or rad')
-    one.add_argument('--namespace', default='', help='of the machine')
-    one.add_argument('--json', action='store_true', help='as JSON, for programs')
-
+    _add_motion(command(_commission, 'the supervised first motion: is the file right?'))
     one = command(_report, 'figure and page of a recorded run')
     one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
     one.add_argument(
@@ -173,9 +165,7 @@ def _add_trials(parser: argparse.ArgumentParser) -> None:
         help=f'a shipped one or a file, as often as you like (default: {" ".join(MECHANISMS)})',
     )
     parser.add_argument('--singles', action='store_true', help='no pairs of failures')
-    parser.add_argument(
-        '--jobs', type=_positive, metavar='N', help='trials at a time (default: all cores)'
-    )
+    parser.add_argument('--jobs', type=_positive, metavar='N', help='at a time (all cores)')
     parser.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')
     parser.add_argument(
         '--reference', choices=('raster', 'circle'), default='raster',
@@ -184,6 +174,16 @@ def _add_trials(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--output', default='campaign_output', metavar='FOLDER', help='for the results'
     )
+
+
+def _add_motion(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add('mechanism', help='a shipped mechanism or a file')
+    add('--yes', action='store_true', help='move without asking')
+    add('--step', action='append', default=[], type=_step, metavar='[NAME=]TRAVEL', help='m, rad')
+    add('--strain', type=float, metavar='M', help='how far drives may strain others')
+    add('--namespace', default='', help='of the machine')
+    add('--json', action='store_true', help='as JSON, for programs')
 
 
 def _value(text: str) -> tuple[str, float]:
