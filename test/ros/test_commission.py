@@ -74,6 +74,7 @@ def stopped(moving, probe):
 
 
 @pytest.mark.slow
+@pytest.mark.timed
 def test_a_right_file(simulator, probe):
     simulator('mirror_4_strut')
     code, output, errors = ended(process('mirror_4_strut', '--yes', '--strain', '2e-6'))
@@ -86,6 +87,7 @@ def test_a_right_file(simulator, probe):
 
 
 @pytest.mark.slow
+@pytest.mark.timed
 def test_a_wrong_order(simulator, tmp_path):
     simulator('mirror_3_strut')
     file = file_of(tmp_path, 'mirror_3_strut', first='actuators: [theta_2, theta_3, theta_1]\n')
@@ -99,6 +101,7 @@ def test_a_wrong_order(simulator, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timed
 def test_a_wrong_sign_and_a_wrong_encoder_side(simulator, tmp_path):
     simulator('mirror_4_strut')
     name = '{name: theta_2, '
