@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import argparse
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
@@ -87,6 +87,46 @@ def add_trials(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_isolability(parser: argparse.ArgumentParser) -> None:
+    """Add the mechanism and its sensors to a ``parser``."""
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    add_failed(parser)
+    parser.add_argument(
+        '--encoders', choices=('load', 'motor'),
+        help='what all encoders read: the joints, or the drives (default: as the file says)',
+    )
+    parser.add_argument(
+        '--sensors', type=sensors, default=Sensors(), metavar='LIST',
+        help='encoders, and with commas: efforts, pose (default: encoders)',
+    )
+    parser.add_argument('--probe', action='store_true', help='with the self-stress probe')
+    add_forms(parser)
+
+
+def add_watch(parser: argparse.ArgumentParser) -> None:
+    """Add what the live view needs to a ``parser``."""
+    parser.add_argument('--namespace', default='', help='of the controller')
+    parser.add_argument(
+        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
+    )
+    parser.add_argument(
+        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
+    )
+
+
+def add_first_motion(parser: argparse.ArgumentParser) -> None:
+    """Add what the first motion of a machine needs to a ``parser``."""
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    parser.add_argument('--yes', action='store_true', help='move without asking')
+    parser.add_argument(
+        '--strain', type=float, metavar='M', help='how far drives may strain others'
+    )
+    parser.add_argument('--step', action='append', default=[], type=step, metavar='[NAME=]VALUE',
+                        help='how far drives go at most, m or rad')
+    parser.add_argument('--namespace', default='', help='of the machine')
+    parser.add_argument('--json', action='store_true', help='as JSON, for programs')
+
+
 def sensors(text: str) -> Sensors:
     """Return the sensors that ``text``, ``encoders[,efforts][,pose]``, names.
 
@@ -126,6 +166,14 @@ def seconds(text: str) -> float:
     if not (isfinite(found) and found >= 0.0):
         raise argparse.ArgumentTypeError(f'{text!r} is not a number of seconds')
     return found
+
+
+def step(text: str) -> tuple[str, float]:
+    """Return name and number of ``text``, ``NAME=VALUE`` or a number for all (no name).
+
+    ArgumentTypeError if it is neither.
+    """
+    return value(text) if '=' in text else ('', value(f'all={text}')[1])
 
 
 def positive(text: str) -> int:

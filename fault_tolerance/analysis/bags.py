@@ -61,7 +61,7 @@ def read_messages(path: Path) -> Iterator[Message]:
 
     FaultToleranceError if it cannot be read.
     """
-    yield from read_topics(path, [one for one in topics_in(path) if topics.split(one)])
+    yield from read_topics(path, [one for one in topics_in(path) if topics.is_read(one)])
 
 
 def topics_in(path: Path) -> dict[str, str]:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fault_tolerance.analysis.figures import BLUE, GREEN, ORANGE, PURPLE, VERMILION
+from fault_tolerance.analysis.line_styles import BLUE, GREEN, ORANGE, PURPLE, VERMILION
 from fault_tolerance.analysis.series import Evidence, Span
 
 RESOLUTION = 150

@@ -57,9 +57,14 @@ _READ = (
 def split(topic: str) -> tuple[str, str] | None:
     """Return namespace (empty, or with a leading slash) and relative name of a full ``topic``.
 
-    None for a topic that nothing is read from.
+    None for a topic of which nothing is read, or that belongs to no robot.
     """
     for name in _READ:
         if topic.endswith(f'/{name}'):
             return topic[: -len(name) - 1], name
     return None
+
+
+def is_read(topic: str) -> bool:
+    """Return whether anything is read from a full ``topic``."""
+    return topic == DIAGNOSTICS or split(topic) is not None

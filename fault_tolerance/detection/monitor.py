@@ -66,6 +66,7 @@ class Monitor:
         self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
         self._failures = FailureSet()
         self._probe: Probe | None = None
+        self._wanted = False
         self._relief = Relief(mechanism, self.settings.relief)
         self._periods: deque[float] = deque(maxlen=SAMPLES)
         self._stamp = 0
@@ -84,7 +85,12 @@ class Monitor:
 
     @property
     def probing(self) -> bool:
-        """Whether a probe is under way."""
+        """Whether a probe is under way, or about to begin."""
+        return self.straining or self._wanted
+
+    @property
+    def straining(self) -> bool:
+        """Whether the next command contains a probe."""
         return self._probe is not None
 
     @property
@@ -146,15 +152,9 @@ class Monitor:
         return found
 
     def request_probe(self) -> str:
-        """Start a probing sequence; return why it cannot be, empty if it has begun.
-
-        Returns
-        -------
-        str
-        """
+        """Let a probe begin with the next readings; return why not, empty if it will."""
         refusal = self.refusal()
-        if not refusal:
-            self._start()
+        self._wanted = not refusal
         return refusal
 
     def refusal(self) -> str:
@@ -228,7 +228,13 @@ class Monitor:
 
     def _is_due(self, stamp: int) -> bool:
         period = self.settings.probe_period
-        return period > 0.0 and stamp - self._probed > 1e9 * period and not self.refusal()
+        if not self._wanted and not 0.0 < 1e9 * period < stamp - self._probed:
+            return False
+        refusal = self.refusal()
+        if refusal and self._wanted:
+            self.finding = refusal
+        self._wanted = False
+        return not refusal
 
     def _start(self) -> None:
         stress = self._self_stress()

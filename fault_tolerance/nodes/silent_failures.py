@@ -86,10 +86,10 @@ class SilentFailures:
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
         self.monitor = Monitor(mechanism, settings)
-        self._acting = settings.detect == 'act'
         self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
+        self._acted: set[Suspicion] = set()
         self._waiting: list[tuple[Trigger.Response, Any]] = []
         self._commands = node.create_publisher(JointState, '~/joint_commands', 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -113,7 +113,7 @@ class SilentFailures:
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
-            message.header.frame_id = PROBE if self.monitor.probing else ''
+            message.header.frame_id = PROBE if self.monitor.straining else ''
             if answered is not None:
                 message.position = self._mechanism.readings_from_values(answered).tolist()
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
@@ -156,6 +156,7 @@ class SilentFailures:
     def _act(self, suspicion: Suspicion) -> None:
         """Handle what has been found as any report."""
         now = self._timeline.now()
+        self._acted = self._acted.intersection(self.monitor.detector.suspicions) | {suspicion}
         if self._supervisor.reports([detected(suspicion, now)], now):
             self._cycle(now)
             self._health.count('reconfigurations')
@@ -217,14 +218,15 @@ class SilentFailures:
     def _publish(self) -> None:
         """Publish every suspicion, and what is about to become one."""
         detector = self.monitor.detector
-        found = [self._status(one, settled=True) for one in detector.suspicions]
+        found = [self._status(one) for one in detector.suspicions]
         if detector.forming is not None:
-            found.append(self._status(detector.forming, settled=False))
+            found.append(self._status(detector.forming))
         if found:
             self._diagnostics.publish(diagnostics_to_msg(self._clock.now().to_msg(), found))
 
-    def _status(self, suspicion: Suspicion, *, settled: bool) -> Any:
-        values = suspicion.values(acting=self._acting, settled=settled)
+    def _status(self, suspicion: Suspicion) -> Any:
+        # What is not acted on must not look like a report: others may listen.
+        values = suspicion.values(acting=suspicion in self._acted)
         return status_to_msg(
             DETECTION, f'{self._prefix}{suspicion.name}',
             ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,

@@ -184,7 +184,7 @@ class RecordedLoop:
         answered = mechanism.readings_from_values(output.estimate.readings)
         self._take('fault_tolerance/joint_commands', joint_state(
             now, mechanism.joint_state_names, answered if answers and self._answers else [],
-            sent, [], 'probe' if self.monitor.probing else ''), now + 50_000)
+            sent, [], 'probe' if self.monitor.straining else ''), now + 50_000)
 
     def _tell(self, now: int) -> None:
         prefix = f'{self.namespace[1:]}/' if self.namespace else ''
