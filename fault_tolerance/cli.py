@@ -135,9 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--namespace', help='of the robot, if there are several in the bag')
 
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
-
-    one = command(_campaign, 'every single and double failure in simulation, against the theory')
-    add_trials(one)
+    add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
     command(_inject, 'break or mend the running simulated mirror').add_argument(
         'words', nargs='+', metavar='WORD',
         help='[silent] MODE NAME, as for the topic: stuck theta_4, ok all; '

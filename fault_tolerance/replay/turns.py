@@ -10,6 +10,7 @@ commands say which readings they answer, the sequence of the commands is that or
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -114,6 +115,9 @@ def _answered(
     """Return turns as the commands say; how many readings were missed, and are not recorded."""
     reader = JointStateReader(mechanism)
     shown = [_shown(mechanism, reader, one) for one in readings]
+    places: dict[tuple[float, ...], list[int]] = defaultdict(list)
+    for place, values in enumerate(shown):
+        places[() if values is None else tuple(values.tolist())].append(place)
     turns, place, missed, lacking = [], 0, 0, 0
     for command in commands:
         if not command.answered:
@@ -122,7 +126,10 @@ def _answered(
         wanted = np.array(command.answered)
         begun = bool(place)
         last = min(place + MOST_MISSED, len(shown)) if begun else len(shown)
-        found = next((k for k in range(place, last) if _same(shown[k], wanted)), None)
+        possible = range(place, last) if np.isnan(wanted).any() else places[command.answered]
+        found = next(
+            (k for k in possible if place <= k < last and _same(shown[k], wanted)), None
+        )
         turns.append(Turn(command, None if found is None else readings[found]))
         if found is None:
             lacking += 1

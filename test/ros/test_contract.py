@@ -24,6 +24,9 @@ PUBLISHED = {
     'velocity_controller/commands': (
         'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
     ),
+    'fault_tolerance/joint_commands': (
+        'fault_tolerance', 'sensor_msgs/msg/JointState', RELIABLE
+    ),
     'fault_tolerance/state': ('fault_tolerance', 'std_msgs/msg/String', RELIABLE),
     'fault_tolerance/metrics': (
         'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticArray', RELIABLE
