@@ -42,10 +42,9 @@ def detection_report(
     """
     prefix = inputs.namespace.strip('/')
 
-    def status(suspicion: Suspicion, *, settled: bool) -> dict[str, str]:
+    def status(suspicion: Suspicion, *, acted: bool) -> dict[str, str]:
         name = f'{prefix}/{suspicion.name}' if prefix else suspicion.name
-        values = suspicion.values(acting=options.detect == 'act', settled=settled)
-        return {'hardware_id': name, **values}
+        return {'hardware_id': name, **suspicion.values(acting=acted)}
 
     return {
         'mechanism': mechanism.name,
@@ -53,8 +52,8 @@ def detection_report(
         'detect': options.detect,
         'joint_states': len(result.course),
         'probes': result.probes,
-        'findings': [status(one.suspicion, settled=True) for one in result.findings],
-        'forming': None if result.forming is None else status(result.forming, settled=False),
+        'findings': [status(one.suspicion, acted=one.acted) for one in result.findings],
+        'forming': None if result.forming is None else status(result.forming, acted=False),
         'sentences': [str(one.suspicion) for one in result.findings],
         'begin': _seconds(result.course[0].stamp) if result.course else None,
         'remarks': list(result.remarks),

@@ -50,10 +50,13 @@ class Instant(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """A suspicion, and the stamp of the readings with which it was found, nanoseconds."""
+    """A suspicion, and how it was found."""
 
     suspicion: Suspicion
     stamp: int
+    """Of the readings with which it was found, nanoseconds."""
+    acted: bool
+    """Whether it was handled as if it had been reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,8 +255,9 @@ class Replay:
 
     def _found(self, stamp: int) -> None:
         suspicion = self.detector.suspicions[-1]
-        self.findings.append(Finding(suspicion, stamp))
-        if self._acting and suspicion.asks_to_act(self._supervisor.failures):
+        acts = self._acting and suspicion.asks_to_act(self._supervisor.failures)
+        self.findings.append(Finding(suspicion, stamp, acts))
+        if acts:
             now = 1e-9 * self._now
             if self._supervisor.reports([detected(suspicion, now)], now):
                 self._supervisor.step(now)
