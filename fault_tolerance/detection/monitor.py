@@ -158,12 +158,7 @@ class Monitor:
         return refusal
 
     def refusal(self) -> str:
-        """Return why nothing can be probed now; empty if it can.
-
-        Returns
-        -------
-        str
-        """
+        """Return why nothing can be probed now; empty if it can."""
         detector, mechanism = self.detector, self._mechanism
         if self.settings.detect == 'off':
             return 'detection is off'
@@ -255,7 +250,9 @@ class Monitor:
         assert self._probe is not None
         if disturbed or self._probe.over:
             self._probed = self._stamp
-            if not disturbed:
+            if disturbed:
+                self.detector.drop_probe()
+            else:
                 self.detector.end_probe(self._stamp, self._probe.directions)
             self.finding = self._outcome(disturbed)
             self._probe, self.rates = None, None

@@ -101,18 +101,6 @@ def test_a_wrong_order(simulator, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.timed
-def test_a_wrong_sign_and_a_wrong_encoder_side(simulator, tmp_path):
-    simulator('mirror_4_strut')
-    name = '{name: theta_2, '
-    file = file_of(tmp_path, 'mirror_4_strut', (name, f'{name}sign: -1, encoder: motor, '))
-    code, output, _ = ended(process(file, '--yes', '--json', '--strain', '2e-6'))
-    assert code == 1
-    found = {one['entry']: one for one in json.loads(output)['findings']
-             if one['level'] == 'wrong'}
-    assert found.keys() == {'sign', 'encoder'}
-    assert (found['sign']['actuators'], found['sign']['probable']) == (['theta_2'], 1)
-    assert (found['encoder']['actuators'], found['encoder']['probable']) == (['theta_2'], 'load')
 
 
 def test_wrong_names_are_listed_and_nothing_moves(simulator, probe, tmp_path):

@@ -44,9 +44,6 @@ PUBLISHED = {
     'fault_tolerance/achieved_velocity': (
         'fault_tolerance', 'geometry_msgs/msg/TwistStamped', RELIABLE
     ),
-    'fault_tolerance/joint_commands': (
-        'fault_tolerance', 'sensor_msgs/msg/JointState', RELIABLE
-    ),
     'joint_states': ('fsm', 'sensor_msgs/msg/JointState', SENSOR),
     'fsm/mirror_pose': ('fsm', 'geometry_msgs/msg/PoseStamped', SENSOR),
     'fsm/mirror_velocity': ('fsm', 'geometry_msgs/msg/TwistStamped', SENSOR),

@@ -27,7 +27,7 @@ STRETCH = 1000
 
 
 def commanded(rng, motions, count):
-    """Return how the setpoints are moved from reading to reading (k, N), m: all kinds of motion."""
+    """Return how setpoints are moved from reading to reading (k, N), m, in all kinds of ways."""
     steps = np.empty((count, len(motions)))
     time = PERIOD * np.arange(STRETCH)
     for begin in range(0, count, STRETCH):

@@ -1,6 +1,6 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
-"""The probe moves a healthy platform by nothing and ends in time; sensors prove themselves first."""
+"""The probe moves a healthy platform by nothing and ends in time; sensors prove themselves."""
 
 from __future__ import annotations
 
