@@ -11,11 +11,19 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from math import inf, isfinite
 from pathlib import Path
 from typing import NoReturn
 
 from fault_tolerance import commands
+from fault_tolerance.arguments import (
+    add_first_motion,
+    add_forms,
+    add_isolability,
+    add_recording,
+    add_state,
+    add_trials,
+    add_watch,
+)
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
@@ -23,7 +31,9 @@ from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
+from fault_tolerance.simulation.faults import FAULT_WORDS
 from fault_tolerance.simulation.reference import Circle, Raster
 
 PAPER_MECHANISMS = ('fsm_3_strut', 'fsm_4_strut', 'fsm_overactuated')
@@ -91,18 +101,20 @@ def _parser() -> argparse.ArgumentParser:
         return one
 
     one = command(_measures, 'what may fail, and what it costs')
-    _add_state(one)
+    add_state(one)
     one.add_argument('--pairs', action='store_true', help='every pair of further failures')
-    _add_forms(one)
+    add_forms(one)
 
     one = command(_table, "the paper's Table I for given mechanisms")
     one.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
-    _add_forms(one)
+    add_forms(one)
 
     one = command(_check, 'examine a mechanism (file), and draw it')
-    _add_state(one)
+    add_state(one)
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
-    _add_forms(one)
+    add_forms(one)
+
+    add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
     one.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
@@ -110,13 +122,9 @@ def _parser() -> argparse.ArgumentParser:
         '--engine', choices=ENGINES, default=ENGINES[0], help='what simulates the mirror'
     )
 
-    one = command(_watch, 'look at a running controller')
-    one.add_argument('--namespace', default='', help='of the controller')
-    one.add_argument(
-        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
-    )
-    one.add_argument(
-        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
+    add_watch(command(_watch, 'look at a running controller'))
+    add_first_motion(
+        command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
 
     one = command(_report, 'figure and page of a recorded run')
@@ -126,79 +134,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     one.add_argument('--namespace', help='of the robot, if there are several in the bag')
 
-    one = command(_campaign, 'every single and double failure in simulation, against the theory')
-    _add_trials(one)
+    add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
+    add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
     command(_inject, 'break or mend the running simulated mirror').add_argument(
-        'words', nargs='+', metavar='WORD', help='as for the topic: stuck theta_4, ok all'
+        'words', nargs='+', metavar='WORD',
+        help='[silent] MODE NAME, as for the topic: stuck theta_4, ok all; '
+        f'MODE is one of {", ".join(FAULT_WORDS)}',
     )
     command(_clear, 'let the running controller release failures')
     return parser
-
-
-def _add_state(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('mechanism', help='a shipped mechanism or a file')
-    place = parser.add_mutually_exclusive_group()
-    for option, what in (('--at', 'an actuator value'), ('--pose', 'a task coordinate')):
-        place.add_argument(
-            option, action='append', type=_value, metavar='NAME=VALUE',
-            help=f'{what} (m or rad from home); those left out are solved, nearest home',
-        )
-    parser.add_argument(
-        '--failed', action='append', default=[], type=_failure, metavar='MODE:NAME',
-        help='a failure present: position, torque or hard, of an actuator or a strut',
-    )
-
-
-def _add_forms(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_mutually_exclusive_group()
-    for form in ('json', 'csv'):
-        group.add_argument(
-            f'--{form}', dest='form', action='store_const', const=form, default='text',
-            help=f'as {form.upper()}, for programs',
-        )
-
-
-def _add_trials(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        '--mechanism', action='append', dest='mechanisms', metavar='MECHANISM',
-        help=f'a shipped one or a file, as often as you like (default: {" ".join(MECHANISMS)})',
-    )
-    parser.add_argument('--singles', action='store_true', help='no pairs of failures')
-    parser.add_argument(
-        '--jobs', type=_positive, metavar='N', help='trials at a time (default: all cores)'
-    )
-    parser.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')
-    parser.add_argument(
-        '--reference', choices=('raster', 'circle'), default='raster',
-        help='what the mirror follows (default: raster)',
-    )
-    parser.add_argument(
-        '--output', default='campaign_output', metavar='FOLDER', help='for the results'
-    )
-
-
-def _value(text: str) -> tuple[str, float]:
-    name, found, number = text.partition('=')
-    try:
-        value = float(number)
-    except ValueError:
-        value = float('nan')
-    if not found or not name or not isfinite(value):
-        raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
-    return name, value
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a positive whole number')
-    return int(text)
-
-
-def _failure(text: str) -> tuple[str, str]:
-    mode, found, name = text.partition(':')
-    if not found or not mode or not name:
-        raise argparse.ArgumentTypeError(f'{text!r} is not MODE:NAME')
-    return mode, name
 
 
 def _measures(chosen: argparse.Namespace) -> None:
@@ -211,6 +155,15 @@ def _table(chosen: argparse.Namespace) -> None:
 
 def _check(chosen: argparse.Namespace) -> None:
     commands.check(_state(chosen), chosen.form, chosen.draw)
+
+
+def _isolability(chosen: argparse.Namespace) -> None:
+    mechanism = mechanism_named(chosen.mechanism)
+    if chosen.encoders:
+        mechanism = mechanism.with_encoders(chosen.encoders)
+    commands.isolability(
+        mechanism, chosen.failed, chosen.sensors, chosen.form, probe=chosen.probe
+    )
 
 
 def _state(chosen: argparse.Namespace) -> PostFailure:
@@ -238,8 +191,22 @@ def _watch(chosen: argparse.Namespace) -> int:
     return watch(chosen.namespace, chosen.mechanism, chosen.duration)
 
 
+def _commission(chosen: argparse.Namespace) -> int:
+    with _needing_rclpy():
+        from fault_tolerance.nodes.commission_cli import commission
+    return commission(
+        chosen.mechanism, yes=chosen.yes, steps=dict(chosen.step), strain=chosen.strain,
+        namespace=chosen.namespace, as_json=chosen.json,
+    )
+
+
 def _report(chosen: argparse.Namespace) -> None:
     commands.report(chosen.bag, chosen.output, chosen.namespace)
+
+
+def _detect(chosen: argparse.Namespace) -> None:
+    options = (chosen.mechanism, chosen.namespace, chosen.detect, chosen.pose, chosen.delay)
+    commands.detect(chosen.bag, DetectOptions(*options), chosen.output, chosen.form)
 
 
 def _campaign(chosen: argparse.Namespace) -> int:

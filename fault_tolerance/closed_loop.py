@@ -15,18 +15,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from fault_tolerance.control.failure_reports import ERROR, OK, Report
+from fault_tolerance.control.output import Output
 from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.control.state_machine import State
+from fault_tolerance.control.state_machine import MOVING, State
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.detection.monitor import Monitor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
+from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.errors import MechanismError
+from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.faults import FaultBook, fault_command
 from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.reference import Circle, Reference
-from fault_tolerance.simulation.state import Plant
+from fault_tolerance.simulation.state import Plant, PlantState
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,8 @@ class LoopSettings:
     pointing : PointingLoop
     control : Settings
     plant : PlantSettings
+    monitor : MonitorSettings
+        How failures that nobody reports are looked for; by default they are not.
     seed : int
         Of the sensor noise.
     engine : str
@@ -53,6 +61,7 @@ class LoopSettings:
     pointing: PointingLoop = PointingLoop()
     control: Settings = Settings()
     plant: PlantSettings = PlantSettings()
+    monitor: MonitorSettings = MonitorSettings('off')
     seed: int = 1
     engine: str = 'elastic'
 
@@ -131,6 +140,7 @@ class ClosedLoop:
         self._reference = reference or Circle()
         self.plant = plant or plant_named(chosen.engine, mechanism, chosen.plant, chosen.seed)
         self.supervisor = Supervisor(mechanism, chosen.control)
+        self.monitor = Monitor(mechanism, chosen.monitor, self.supervisor.kernel.advance)
         self._book = FaultBook()
         self._now = 0.0
 
@@ -155,6 +165,22 @@ class ClosedLoop:
     def clear(self) -> None:
         """Release the failures that are not reported any more."""
         self.supervisor.clear(self._now)
+        self.monitor.forget()
+
+    def _listen(self, seen: PlantState, output: Output) -> None:
+        """Look for failures that nobody reports, after the command; act on them if that is set."""
+        monitor, supervisor, stamp = self.monitor, self.supervisor, round(1e9 * self._now)
+        monitor.detector.command(stamp, output.rates)
+        estimate = output.estimate
+        found = monitor.observe(
+            Sighting(stamp, seen.measured_values, seen.efforts), output.failures, estimate.pose,
+            lambda: strut_rows(estimate.configuration), output.state in MOVING,
+        )
+        if found and monitor.acts:
+            supervisor.reports([detected(monitor.detector.suspicions[-1], self._now)], self._now)
+            self.plant.command(supervisor.step(self._now).rates)
+            monitor.detector.command(stamp, supervisor.output.rates)
+        supervisor.move_beside(monitor.rates)
 
     def forked(self, seed: int) -> ClosedLoop:
         """Return a copy that goes on from here by itself, with sensor noise of ``seed``."""
@@ -181,6 +207,8 @@ class ClosedLoop:
             self.supervisor.joint_reading(seen.measured_values, now)
             output = self.supervisor.step(now)
             self.plant.command(output.rates)
+            if self.settings.monitor.detect != 'off':
+                self._listen(seen, output)
             time[k] = now
             error[k] = platform_error(seen.pose, self.mechanism.origin, angle)
             efforts[k], rates[k] = seen.efforts, output.rates
@@ -189,6 +217,12 @@ class ClosedLoop:
         scale[3:] = 1.0 / self.mechanism.characteristic_length
         major = (error * scale)[:, task.rows[task.major_rows]]
         return Trace(time, error[:, :2], major, efforts, rates, tuple(states))
+
+
+def detected(suspicion: Suspicion, now: float) -> Report:
+    """Return the report that a ``suspicion`` of detection makes to the ledger ``now`` (s)."""
+    source = (DETECTION, suspicion.name)
+    return Report(source, suspicion.name, suspicion.mode, ERROR, now)
 
 
 def _rms(vectors: FloatArray) -> float:

@@ -16,7 +16,13 @@ from rich.console import RenderableType
 
 from fault_tolerance.analysis.check_tables import check_table
 from fault_tolerance.analysis.checks import check_report
+from fault_tolerance.analysis.class_tables import class_table
 from fault_tolerance.analysis.demo_summary import summary, summary_table
+from fault_tolerance.analysis.finding_tables import (
+    FINDING_KEYS,
+    finding_records,
+    finding_table,
+)
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
 from fault_tolerance.analysis.runs import run_of
@@ -28,9 +34,15 @@ from fault_tolerance.analysis.tables import (
     paper_table,
 )
 from fault_tolerance.analysis.terminal import console_for_text
+from fault_tolerance.detection.isolability import Isolability, isolability_report
+from fault_tolerance.detection.isolability import isolability as isolability_of
+from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.kinematics.failures import FailureLike
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.replay.detection_options import DetectOptions
 
 Form = Literal['text', 'json', 'csv']
 
@@ -56,6 +68,36 @@ def check(post: PostFailure, form: Form, picture: Path | None) -> None:
     if picture is not None:
         draw(post, picture)
     _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))
+
+
+def isolability(
+    mechanism: Mechanism, failed: Sequence[FailureLike], sensors: Sensors, form: Form,
+    *, probe: bool,
+) -> None:
+    """Print which further failures of ``mechanism`` can be told apart, after those ``failed``.
+
+    With ``sensors`` beside the encoders and with a ``probe`` or without, in ``form``, at home.
+    """
+    post = after(mechanism, failed)
+
+    def found(sensors: Sensors, probe: bool) -> Isolability:
+        return isolability_of(post.rows, post.failures, sensors=sensors, probe=probe)
+
+    result = found(sensors, probe)
+    options = {
+        'a probe': (sensors, True),
+        'efforts': (sensors._replace(efforts=True), probe),
+        'a pose sensor': (sensors._replace(pose=True), probe),
+    }
+    report = isolability_report(mechanism, result)
+    helps = [
+        words for words, option in options.items()
+        if len(found(*option).classes) > len(result.classes)
+    ]
+    records = [('class', 'hypothesis'), *(
+        (number, one) for number, group in enumerate(report['classes']) for one in group
+    )]
+    _print(form, report, records, class_table({**report, 'would_help': helps}))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
@@ -111,6 +153,39 @@ def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
         folder = bag if bag.is_dir() else bag.parent
     for path in write_report(run, folder):
         print(path)
+
+
+def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -> None:
+    """Print in ``form`` what detection finds in the recording ``bag``, and draw its evidence.
+
+    With ``options``; the figure goes to ``folder``, without one beside the bag.
+    FaultToleranceError without rosbags, or if the recording cannot be used.
+    """
+    try:
+        from fault_tolerance.analysis.recorded_inputs import recorded_inputs
+        from fault_tolerance.replay.detection_report import (
+            detection_report,
+            evidence_of,
+            mechanism_of,
+        )
+        from fault_tolerance.replay.replayed import replayed
+    except ImportError as error:
+        reason = f'recordings need rosbags: {error.name} is not installed'
+        raise FaultToleranceError(reason) from None
+    inputs = recorded_inputs(bag, options.namespace, options.pose)
+    mechanism = mechanism_of(inputs, options)
+    result = replayed(inputs, mechanism, options.detect, options.delay)
+    report = detection_report(inputs, mechanism, options, result)
+    records = [FINDING_KEYS, *finding_records(report)]
+    _print(form, report, records, finding_table(report))
+    try:
+        from fault_tolerance.analysis.odds_figure import write_odds_figure
+    except ImportError:
+        return
+    picture = (folder or (bag if bag.is_dir() else bag.parent)) / 'detection.png'
+    write_odds_figure(evidence_of(inputs, mechanism, result), picture)
+    if form == 'text':
+        print(picture)
 
 
 def _print(

@@ -133,15 +133,5 @@ OVERSHOOT = 1e-3
 """Share of a stroke. Readings farther beyond its end are outside the range of the model; nearer
 ones are the drive resting at its stop."""
 
-MOTION_WINDOW = 1.0
-"""Seconds over which motions read and told are compared: drives lag by far less."""
-
-READING_GAP = 0.25
-"""Seconds without a reading after which their comparison starts anew: what happened is unknown."""
-
-NOTABLE_MOTION = 1e-4
-"""Characteristic lengths; shorter motions may be noise and are not compared."""
-
-RESTING_SHARE = 0.1
-"""A drive that moves less than this share of what it is compared with rests: gains and couplings
-that the model lacks change motions by less."""
+NOT_SEPARATED = 1e-9
+"""Metres per metre commanded by which two hypotheses differ that no sensor tells apart."""

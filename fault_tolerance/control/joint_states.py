@@ -60,6 +60,28 @@ class JointStateReader:
             self._places = np.array([self._names.index(name) for name in wanted], dtype=np.intp)
         return found
 
+    def efforts(self, names: Sequence[str], efforts: Sequence[float]) -> FloatArray | None:
+        """Return what the actuators push with (N,), positive along their joints.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of the joints, in any order.
+        efforts : sequence of float
+            N or N m, as the joint state has them.
+
+        Returns
+        -------
+        (N,) array or None
+            None where they are not given for all.
+        """
+        if len(efforts) != len(names):
+            return None
+        found = dict(zip(names, efforts, strict=True))
+        given = [found.get(name, np.nan) for name in self._mechanism.joint_state_names]
+        values = self._signs * np.array(given, dtype=np.float64)
+        return values if np.isfinite(values).all() else None
+
 
 def joint_readings(
     mechanism: Mechanism,

@@ -77,8 +77,7 @@ class Metrics:
     """By how much the velocity of the major task and the rates of the drives jumped at the last
     failure, clearing or resumption, m/s."""
     out_of_range: tuple[str, ...] = ()
-    inconsistent: tuple[str, ...] = ()
-    """Actuators whose readings lie beyond their strokes, or contradict reports and commands."""
+    """Actuators whose readings lie beyond their strokes."""
     flexure_strain: float = 0.0
     """Metres."""
     misfit: float = 0.0
@@ -137,7 +136,6 @@ def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
         major_jump=command.major_jump,
         rate_jump=command.rate_jump,
         out_of_range=plausibility.out_of_range,
-        inconsistent=plausibility.inconsistent,
         flexure_strain=estimate.flexure_strain,
         misfit=estimate.misfit,
         recovery_time=output.recovery_time,

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 
 import numpy as np
@@ -62,6 +62,11 @@ class RateCommand:
         return bool(self.numbers[at.MOVED])
 
     @property
+    def time(self) -> float:
+        """When it was made, seconds."""
+        return float(self.numbers[at.TIME])
+
+    @property
     def scale(self) -> float:
         """The factor by which limits or a near singularity slow everything down."""
         return float(self.numbers[at.SCALE])
@@ -85,6 +90,10 @@ class RateCommand:
     def rate_jump(self) -> float:
         """By how much the actuators' rates jumped at the last transition (norm), m/s."""
         return float(self.numbers[at.RATE_JUMP])
+
+    def with_rates_beside(self, rates: FloatArray) -> RateCommand:
+        """Return the same command with ``rates`` (N,) added, which do not serve the task."""
+        return replace(self, rates=frozen(self.rates + rates))
 
     def saturated(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of the N actuators ``names`` that would have crossed a bound."""

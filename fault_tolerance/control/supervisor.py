@@ -79,19 +79,20 @@ class Supervisor:
         )
         self._machine = StateMachine()
         self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
-        self._estimate = self._model.unknown
+        self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
         self._plausibility = Plausibility(mechanism)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
+        self._beside: tuple[FloatArray, FailureSet] | None = None
         self._paused = False
-        self._outdated = False
+        self._outdated = self._unread = False
         self._errors = 0
         self._now = -inf
         self._reported_at: float | None = None
         self._recovery_time = 0.0
-        # What is watched after the command: the readings it was made from, and the last rates.
-        self._unwatched: tuple[FloatArray, FloatArray] | None = None
+        # What is watched after the command: the readings it was made from.
+        self._unwatched: FloatArray | None = None
         self.output = self.step(-inf)
 
     @property
@@ -138,7 +139,8 @@ class Supervisor:
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
             notice = unusable(self.mechanism, taken, self._ledger.failures.lost)
         notice = notice or self._readings.offer(taken, now, stamp)
-        self._outdated = self._outdated or notice is None
+        if notice is None:
+            self._outdated = self._unread = True
         return notice
 
     def task_velocity(
@@ -190,6 +192,17 @@ class Supervisor:
         state = self.step(now).state.value
         return clear_outcome(cleared, was_stopped and not self._machine.stop, state)
 
+    def move_beside(self, rates: FloatArray | None) -> None:
+        """Add rates to every command from the next step on, while the failures stay the same.
+
+        Parameters
+        ----------
+        rates : (N,) array or None
+            Finite, in the mechanism's units and order; None: nothing. The limits do not know of
+            them.
+        """
+        self._beside = None if rates is None else (rates, self._ledger.failures)
+
     def pause(self, paused: bool, now: float) -> None:
         """Hold from ``now`` on while ``paused``."""
         self._pass_time(now)
@@ -224,10 +237,12 @@ class Supervisor:
             found = self._estimate
             # Without anything new, too: so the first step after a failure finds its way cached.
             if readings.value is not None and (self._outdated or not stale):
-                found = self._estimate = estimate(self._model, found, readings.value, failures)
+                if self._unread:  # else from the same place again: the same to the last bit
+                    self._base, self._unread = found, False
+                base, values = self._base, readings.value
+                found = self._estimate = estimate(self._model, base, values, failures)
                 if self._outdated:
-                    self._unwatched = found.readings, before.rates
-                self._outdated = False
+                    self._unwatched, self._outdated = found.readings, False
             degraded = found if failures.stuck or failures.free or failures.lost else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = 'paused' if self._paused else found.obstacle
@@ -248,6 +263,8 @@ class Supervisor:
             decision, command = self._machine.decide(stop, text, '', '', ''), None
         if command is None or decision.state not in MOVING:
             command = resting(command or before, failures, now)
+        elif self._beside is not None and self._beside[1] is failures:
+            command = command.with_rates_beside(self._beside[0])
         self._command = command
         if self._reported_at is not None and settings.clock is not None:
             self._recovery_time = settings.clock() - self._reported_at
@@ -259,18 +276,16 @@ class Supervisor:
         return self.output
 
     def watch(self) -> tuple[Notice, ...]:
-        """Compare the readings of the last step with the commands before it.
+        """Compare the readings of the last step with the strokes.
 
         To be called after the command is on its way; what it finds is in the next output.
 
         Returns
         -------
         tuple of Notice
-            What readings contradict: strokes, reports, commands.
         """
-        if self._unwatched is not None and self.settings.recovery:
-            readings, rates = self._unwatched
-            self._plausibility.observe(readings, rates, self._ledger.failures, self._now)
+        if self._unwatched is not None:
+            self._plausibility.observe(self._unwatched)
         self._unwatched = None
         return self._plausibility.notices
 

@@ -11,16 +11,16 @@ into revolutes before they come here. Joint values are zero at home.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import isfinite
+from math import inf, isfinite, isnan, nan
 
 import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
-from fault_tolerance.mechanism.failure_modes import mode_words
-from fault_tolerance.mechanism.parts import Actuator, Strut
+from fault_tolerance.mechanism.failure_modes import MISBEHAVIOURS, mode_words
+from fault_tolerance.mechanism.parts import Actuator, EncoderSide, Joint, Strut
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
 
@@ -46,6 +46,9 @@ class Mechanism:
         absorbed by the flexures: docs/theory.md, section 6. 0: rigid.
     working_point : WorkingPoint or None
         Set where there are no struts.
+    stiffness : float
+        Of every drive that does not say otherwise, N/m, and N/m times the square of the
+        characteristic length for those that turn; NaN: not known.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Mechanism:
     characteristic_length: float = 1.0
     compliance: float = 0.0
     working_point: WorkingPoint | None = None
+    stiffness: float = nan
 
     def __repr__(self) -> str:
         struts, actuators = len(self.struts), len(self.actuators)
@@ -70,6 +74,8 @@ class Mechanism:
         if not (isfinite(self.compliance) and 0.0 <= self.compliance < 1.0):
             reason = f'{self.compliance} is not in [0, 1)'
             raise MechanismError(self.name, 'compliance', reason)
+        if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
+            raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
         if not self.actuators:
             found = tuple(actuator for strut in self.struts for actuator in strut.actuators)
             object.__setattr__(self, 'actuators', found)
@@ -119,9 +125,30 @@ class Mechanism:
         return frozen_array(scale, (None,), 'scale')
 
     @cached_property
+    def drive_stiffness(self) -> FloatArray:
+        """Stiffness of the drives' hold, (N,), N/m or N m/rad; NaN where it is not known."""
+        given = np.array([actuator.stiffness for actuator in self.actuators])
+        shared = self.stiffness * self.rate_scale**2
+        return frozen_array(np.where(np.isnan(given), shared, given), (None,), 'k', finite=False)
+
+    @cached_property
     def has_uniform_rate_scale(self) -> bool:
         """Whether all drives turn, or all slide: one factor turns rates into m/s."""
         return len(set(self.rate_scale.tolist())) == 1
+
+    def with_encoders(self, side: EncoderSide) -> Mechanism:
+        """Return the same mechanism with the encoders of all actuators on one ``side``."""
+        changed = {one.name: replace(one, encoder=side) for one in self.actuators}
+
+        def joint(one: Joint) -> Joint:
+            return one if one.actuator is None else replace(
+                one, actuator=changed[one.actuator.name]
+            )
+
+        struts = tuple(
+            replace(one, joints=tuple(map(joint, one.joints))) for one in self.struts
+        )
+        return replace(self, struts=struts, actuators=tuple(changed.values()))
 
     def actuator_index(self, name: str) -> int:
         """Return the place of the actuator ``name``; ValueError if there is none."""
@@ -187,7 +214,7 @@ class Mechanism:
 
 
 _SEPARATORS = '/:=,;'
-_RESERVED = ('all', 'silent', *mode_words())
+_RESERVED = ('all', 'silent', *mode_words(), *MISBEHAVIOURS)
 
 
 def _require_usable(source: str, name: str) -> None:

@@ -9,6 +9,7 @@ What a mode does to J and T is in kinematics/differential.py, and for control in
 from __future__ import annotations
 
 from enum import Enum
+from typing import Literal
 
 from fault_tolerance.errors import FailureError
 
@@ -36,6 +37,19 @@ _ALIASES = {
     FailureMode.NONE: ('none', 'ok', 'healthy', 'clear'),
 }
 _WORDS = {word: mode for mode, words in _ALIASES.items() for word in words}
+
+Misbehaviour = Literal['frozen', 'biased', 'weak', 'reversed', 'runaway']
+
+MISBEHAVIOURS: dict[str, Misbehaviour] = {
+    'frozen': 'frozen',
+    'encoder': 'frozen',
+    'biased': 'biased',
+    'weak': 'weak',
+    'reversed': 'reversed',
+    'runaway': 'runaway',
+}
+"""Words for what else an encoder or a drive may do, none of them a mode of failure: only the
+simulator is told so (simulation/faults.py)."""
 
 
 def mode_words() -> tuple[str, ...]:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +69,7 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
         platform.close()
     length = top.number('characteristic_length', 1.0)
     compliance = top.number('compliance', 0.0)
+    stiffness = top.number('stiffness', nan)
     struts: tuple[Strut, ...] = ()
     point = None
     if by_numbers:
@@ -84,7 +85,7 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
     top.close()
     with top.located():
         return Mechanism(
-            name, task, struts, actuators, np.array(origin), length, compliance, point
+            name, task, struts, actuators, np.array(origin), length, compliance, point, stiffness
         )
 
 
@@ -181,7 +182,9 @@ def _drives(section: Section, name: str, labels: tuple[str, ...]) -> dict[str, s
     return drives
 
 
-_ACTUATOR_KEYS = ('position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake')
+_ACTUATOR_KEYS = (
+    'position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake', 'encoder', 'stiffness',
+)
 
 
 def _actuator(
@@ -199,7 +202,7 @@ def _actuator(
                 continue
         if key == 'position':
             options[key] = tuple(part.numbers(where, 2))
-        elif key == 'joint_state_name':
+        elif key in ('joint_state_name', 'encoder'):
             options[key] = part.text(where)
         elif key == 'brake':
             options[key] = part.flag(where)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isnan, nan
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
 from fault_tolerance.tolerances import SHORTEST_AXIS
 
 JointKind = Literal['revolute', 'prismatic']
+EncoderSide = Literal['load', 'motor']
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,10 @@ class Actuator:
     """+1, or -1 where the encoder counts the other way."""
     brake: bool = False
     """Whether it can be locked on command."""
+    encoder: EncoderSide = 'load'
+    """What its encoder reads: the joint, or the drive before whatever gives way between them."""
+    stiffness: float = nan
+    """Of its hold on the joint, N/m or N m/rad; NaN where it is not known."""
 
     def __repr__(self) -> str:
         return f'Actuator({self.name!r}, {self.kind})'
@@ -61,6 +66,10 @@ class Actuator:
             raise MechanismError(self.name, 'velocity', f'{self.velocity} is not positive')
         if not isfinite(self.home):
             raise MechanismError(self.name, 'home', f'{self.home} is not finite')
+        if self.encoder not in ('load', 'motor'):
+            raise MechanismError(self.name, 'encoder', f'{self.encoder!r} is not load or motor')
+        if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
+            raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
         if self.sign not in (-1, 1):
             raise MechanismError(self.name, 'sign', f'{self.sign} is neither 1 nor -1')
         if not self.joint_state_name:

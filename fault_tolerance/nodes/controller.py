@@ -15,6 +15,7 @@ import os
 import signal
 import sys
 import time
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -34,6 +35,7 @@ from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.report_subscriber import Batch, ReportSubscriber
 from fault_tolerance.nodes.scheduling import set_realtime_priority
 from fault_tolerance.nodes.services import OperatorServices
+from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settings
 from fault_tolerance.nodes.spinning import Deferred, run
 from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
@@ -63,13 +65,21 @@ class Controller(Node):
         self._ticked = self._metrics_due = self._collection_due = timeline.now()
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
         self._commands = CommandPublisher(self, mechanism, frame, timeline)
-        self._status = StatusPublisher(self, supervisor, prefix, self.deferred)
         shared = timeline, self._health
-        self._inputs = InputSubscriber(self, supervisor, frame, *shared, self._cycle)
+        self._silent = SilentFailures(self, supervisor, values, prefix, *shared, self._cycle)
+        self._status = StatusPublisher(
+            self, supervisor, prefix, self.deferred, self._silent.values
+        )
+        self._inputs = InputSubscriber(
+            self, supervisor, frame, *shared, partial(self._cycle, answers=True),
+            self._silent.observe,
+        )
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
         )
-        OperatorServices(self, supervisor, timeline, self._on_operator_request)
+        OperatorServices(
+            self, supervisor, timeline, self._on_operator_request, self._silent.monitor.forget
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         timeline.call_on_jump(self._on_clock_jump)
@@ -77,13 +87,15 @@ class Controller(Node):
         if startup.remark:
             self.get_logger().warning(startup.remark)
 
-    def _cycle(self, now: float) -> None:
-        """Compute and publish one command."""
+    def _cycle(self, now: float, *, answers: bool = False) -> None:
+        """Compute and publish one command; say whether it ``answers`` a joint state."""
         output = self._supervisor.step(now)
         self._commands.publish(output.command.rates, output.command.twist)
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
+        answered = output.estimate.readings if answers else None
+        self._silent.command(output.command.rates, answered)
         for notice in self._supervisor.watch():
             self._health.warn(notice)
         self._publish_later(output, now)
@@ -129,12 +141,7 @@ class Controller(Node):
         late, self._ticked = now - self._ticked, now
         if late > STALL:
             self._health.count('stalls')
-        kernel = self._startup.take()
-        if kernel is not None:
-            self._supervisor.kernel = kernel
-            gc.freeze()  # what numba has brought need not be collected
-            tell = self.get_logger().warning if kernel.reason else self.get_logger().info
-            tell(f'kernel: {kernel.reason or "compiled"}')
+        self._startup.exchange(self._supervisor, self.get_logger())
         self._reports.read()
         # After a late tick, read pending messages before declaring inputs stale.
         self._excused = late > LATE and not self._excused
@@ -142,6 +149,7 @@ class Controller(Node):
             output = self._supervisor.step(now)
             if self._commands.moving and not output.rates.any():
                 self._commands.publish(output.rates, output.achieved)
+                self._silent.command(output.rates)
             self._publish_later(output, now)
         self._stepped = False
 
@@ -161,6 +169,7 @@ class Controller(Node):
 
 
 def _settings(values: dict[str, Any]) -> Settings:
+    monitor_settings(values)
     return Settings(**settings_from(Settings, values), clock=time.perf_counter)
 
 

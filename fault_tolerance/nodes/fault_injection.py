@@ -17,13 +17,27 @@ from fault_tolerance.errors import FailureError
 from fault_tolerance.nodes.health import ERROR, OK, Health
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, diagnostics_to_msg, status_to_msg
 from fault_tolerance.nodes.parameters import ParameterError, given_values
-from fault_tolerance.simulation.faults import FaultBook, FaultCommand, fault_command
-from fault_tolerance.simulation.state import Plant
+from fault_tolerance.simulation.faults import (
+    FAULT_WORDS,
+    FaultBook,
+    FaultCommand,
+    FaultMode,
+    fault_command,
+    reported_mode,
+)
+from fault_tolerance.simulation.state import Plant, present_faults
 
-HEALTHY = 'none'
+HEALTHY: FaultMode = 'none'
 FAULTS = 'faults.'
 """Prefix of the parameters that hold the present faults."""
 
+_SAID: dict[FaultMode, str] = {
+    'frozen': 'encoder repeats its last reading',
+    'biased': 'encoder reading has jumped',
+    'weak': 'drive moves less far than told',
+    'reversed': 'drive moves the wrong way',
+    'runaway': 'drive moves by itself',
+}
 _REPORT_EVERY = 10
 _LOOK_PERIOD = 0.1
 
@@ -60,7 +74,7 @@ class FaultInjection:
         for key in given_values(self._node):
             if key.startswith(FAULTS) and key.removeprefix(FAULTS) not in self._names:
                 raise ParameterError(key, f'valid names: {", ".join(self._names)}')
-        text = 'present fault: [silent] position, torque, hard or ok, or an alias of these'
+        text = f'present fault: [silent] and one of {", ".join(FAULT_WORDS)}'
         for name in self._names:
             key = f'{FAULTS}{name}'
             descriptor = ParameterDescriptor(description=text)
@@ -122,7 +136,8 @@ class FaultInjection:
     def _show(self) -> None:
         """Update the parameters to the present faults."""
         plant, mechanism = self._plant, self._plant.mechanism
-        modes = dict(zip(mechanism.actuator_names, plant.actuator_faults, strict=True))
+        # Two words where both drive and encoder have a fault.
+        modes = {name: ' '.join(both) or HEALTHY for name, both in present_faults(plant).items()}
         for strut in mechanism.strut_names:
             found = {modes[name] for name in mechanism.actuators_of(strut)}
             common = found.pop() if len(found) == 1 else HEALTHY
@@ -149,15 +164,15 @@ class FaultInjection:
         """Publish the reports of the drives, once there are any."""
         if self._book.reports:
             stamp = self._node.get_clock().now().to_msg()
-            statuses = [self._status(name, mode) for name, mode in self._book.reports]
+            statuses = [self._status(name, fault) for name, fault in self._book.faults]
             self._reports.publish(diagnostics_to_msg(stamp, statuses))
 
-    def _status(self, name: str, mode: str) -> DiagnosticStatus:
-        healthy = mode == HEALTHY
+    def _status(self, name: str, fault: FaultMode) -> DiagnosticStatus:
+        healthy = fault == HEALTHY
         return status_to_msg(
             f'{self._node.get_name()}: {name}',
             f'{self._namespace}/{name}' if self._namespace else name,
             OK if healthy else ERROR,
-            'healthy' if healthy else f'{mode} failure',
-            {FAILURE_MODE_KEY: mode},
+            'healthy' if healthy else _SAID.get(fault, f'{fault} failure'),
+            {FAILURE_MODE_KEY: reported_mode(fault)},
         )

@@ -87,7 +87,7 @@ class FsmSimulator(Node):
         self._joint_states.publish(joint_state_to_msg(
             stamp, mechanism.joint_state_names,
             mechanism.readings_from_values(state.measured_values),
-            mechanism.rates_from_readings(state.rates),
+            mechanism.rates_from_readings(state.measured_rates),
             mechanism.rates_from_readings(state.efforts),
         ))
         self._poses.publish(pose_to_msg(stamp, self._frame, state.pose))

@@ -38,6 +38,8 @@ class InputSubscriber:
         Counts and logs rejected messages.
     cycle : callable
         Called with the present (seconds) when a joint state was accepted.
+    listen : callable
+        Called with that joint state after it.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class InputSubscriber:
         timeline: TimeLine,
         health: Health,
         cycle: Callable[[float], None],
+        listen: Callable[[JointState], None],
     ) -> None:
         task = supervisor.mechanism.task
         self._node = node
@@ -58,7 +61,7 @@ class InputSubscriber:
         self._base_frame = base_frame
         self._timeline = timeline
         self._health = health
-        self._cycle = cycle
+        self._cycle, self._listen = cycle, listen
         self._joint_states = node.create_subscription(
             JointState, 'joint_states', self.on_joint_state, _NEWEST
         )
@@ -82,6 +85,7 @@ class InputSubscriber:
             notice = self._supervisor.joint_reading(values, now, stamp)
             if notice is None:
                 self._cycle(now)
+                self._listen(message)
             if stamp is None:
                 self._warn_of_no_stamp('joint_state')
         self._health.warn(notice)

@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.nodes.messages import nanoseconds_from_msg, pose_to_msg
-from fault_tolerance.simulation.state import Plant
+from fault_tolerance.simulation.state import Plant, present_faults
 
 PERIOD = 100_000_000
 """Nanoseconds between two publications."""
@@ -29,12 +29,13 @@ _COLOURS = {
     'position': (0.84, 0.37, 0.0, 1.0),
     'torque': (0.94, 0.89, 0.26, 1.0),
     'hard': (0.6, 0.6, 0.6, 0.35),
+    'odd': (0.9, 0.62, 0.0, 1.0),
     'mirror': (0.34, 0.71, 0.91, 0.75),
     'boresight': (0.0, 0.45, 0.7, 1.0),
     'target': (0.8, 0.47, 0.65, 1.0),
     'text': (1.0, 1.0, 1.0, 1.0),
 }
-_SEVERITY = ('none', 'torque', 'position', 'hard')
+_SEVERITY = ('none', 'odd', 'torque', 'position', 'hard')
 _WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'lost'}
 # In characteristic lengths.
 _BORESIGHT = np.array([0.0, 0.0, 3.0])
@@ -96,20 +97,21 @@ class MarkerPublisher:
     def _struts(self) -> list[Marker]:
         """Return all struts, then the labels of failed parts."""
         plant, mechanism = self._plant, self._plant.mechanism
-        modes = dict(zip(mechanism.actuator_names, plant.actuator_faults, strict=True))
+        faults = present_faults(plant)
         struts, labels = [], []
         for name, points, home in zip(
             mechanism.strut_names, plant.strut_points, self._feet, strict=True
         ):
             mine = mechanism.actuators_of(name)
-            failed = {one: modes[one] for one in mine if modes[one] != 'none'}
-            worst = max(failed.values(), key=_SEVERITY.index, default='none')
+            failed = [(one, fault) for one in mine for fault in faults[one]]
+            kinds = [fault if fault in _SEVERITY else 'odd' for _, fault in failed]
+            worst = max(kinds, key=_SEVERITY.index, default='none')
             strut = self._marker(name, Marker.LINE_STRIP, worst)
             strut.scale.x = (0.03 if worst == 'hard' else 0.06) * self._size
             drawn = home + self._factor * (points - home)
             strut.points = [_point(one) for one in drawn]
             struts.append(strut)
-            words = [f'{one} {_WORDS[mode]}' for one, mode in failed.items()]
+            words = [f'{one} {_WORDS.get(fault, fault)}' for one, fault in failed]
             text = f'{name} lost' if worst == 'hard' else '\n'.join(words)
             label = self._text(f'{name}/label', text)
             x, y, _ = 1.35 * drawn[-1]

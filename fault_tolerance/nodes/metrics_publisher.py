@@ -14,9 +14,9 @@ from std_msgs.msg import Float64, Float64MultiArray
 
 from fault_tolerance.control.failure_reports import ERROR, OK, WARN
 from fault_tolerance.control.metrics import ActuatorMetrics, Metrics, StrutMetrics
+from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.messages import (
-    decimal,
     diagnostics_to_msg,
     labelled_array_to_msg,
     status_to_msg,
@@ -102,7 +102,6 @@ def _mechanism_values(metrics: Metrics) -> Mapping[str, str]:
         **{key: decimal(getattr(metrics, key)) for key in _DECIMALS},
         'saturation': ', '.join(metrics.saturation),
         'out_of_range': ', '.join(metrics.out_of_range),
-        'inconsistent': ', '.join(metrics.inconsistent),
         'recovery_time_us': decimal(1e6 * metrics.recovery_time),
         'worst_next': f'{metrics.worst_next} {decimal(metrics.worst_next_measure)}'.strip(),
     }

@@ -11,9 +11,10 @@ from typing import Any
 
 from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.simulation.engines import ENGINES
-from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.plant_settings import ENCODER_CHOICES, PlantSettings
 from fault_tolerance.simulation.reference import REFERENCE_KINDS
 
 _MECHANISM = Parameter(
@@ -73,6 +74,21 @@ CONTROLLER = (
             'the characteristic length',
             '', (1e-9, 1e9)),
     ),
+    *_fields(
+        MonitorSettings,
+        detect=(
+            'failures that nobody reports: off, only told (advise), or handled like reports (act)',
+            '', None, ('off', 'advise', 'act')),
+        command_delay=(
+            'from a command to its effect in the joint states; `commission` measures it',
+            's', (0.0, 0.2)),
+        probe_period=('from one self-stress probe to the next; 0: on request only', 's',
+                      (0.0, 1e6)),
+        probe_amplitude=('of the probe; 0: from force and stroke', 'm', (0.0, 1.0)),
+        probe_force=('by which a probe may load a drive', 'N', (0.0, 1e6)),
+        relief=('lead the strain back that a failure leaves behind, where efforts show it',),
+    ),
+    Parameter('pose_topic', '', 'topic of a pose sensor of the platform; empty: there is none'),
     Parameter(
         'realtime_priority', 0,
         'SCHED_FIFO priority, if the system grants it; 0: default scheduling', '', (0, 99),
@@ -109,8 +125,23 @@ SIMULATOR = (
         unlimited_rate=(
             'maximum rate of actuators without a velocity limit: rad/s, or Lc per second',
             '', (1e-6, 1e6)),
+        breakaway=(
+            'static friction: a drive stands still until it has been told to go farther than '
+            'this, and then slips all the way; times 1/Lc for radians',
+            'm', (0.0, 1.0)),
+        encoders=(
+            'what all encoders read, the joint or the drive; file: as the mechanism file says',
+            '', None, ENCODER_CHOICES),
         encoder_noise=(
             'standard deviation of measured positions; times 1/Lc for radians', 'm', (0.0, 1.0)),
+        encoder_bias=(
+            'by how much the reading of a biased encoder jumps; times 1/Lc for radians',
+            'm', (0.0, 1.0)),
+        weak_share=('how far a weak drive moves of what it is told', '', (0.0, 1.0)),
+        runaway_rate=(
+            'speed of a drive that runs away, towards the upper end of its stroke; times 1/Lc '
+            'for radians',
+            'm/s', (1e-9, 1e3)),
         command_timeout=('the drives stop if no command arrives for this long', 's', _TIMES),
         engagement_time=(
             'time constant with which a repaired part takes up its load', 's', (1e-6, 60.0)),

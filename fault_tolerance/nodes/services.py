@@ -17,20 +17,23 @@ from fault_tolerance.nodes.timeline import TimeLine
 class OperatorServices:
     """Offers ``~/clear_failures`` and ``~/pause``.
 
-    ``done`` is called after either and before the response, to publish a command at once.
+    ``done`` is called after either and before the response, to publish a command at once;
+    ``cleared`` after the failures have been cleared, before that.
     """
 
     def __init__(
-        self, node: Node, supervisor: Supervisor, timeline: TimeLine, done: Callable[[], None]
+        self, node: Node, supervisor: Supervisor, timeline: TimeLine, done: Callable[[], None],
+        cleared: Callable[[], None],
     ) -> None:
         self._supervisor = supervisor
         self._timeline = timeline
-        self._done = done
+        self._done, self._cleared = done, cleared
         node.create_service(Trigger, '~/clear_failures', self._clear)
         node.create_service(SetBool, '~/pause', self._pause)
 
     def _clear(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         outcome = self._supervisor.clear(self._timeline.now())
+        self._cleared()
         self._done()
         response.success, response.message = outcome.success, outcome.message
         return response

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import monotonic
 
 from rclpy.node import Node
@@ -14,7 +15,7 @@ from std_msgs.msg import String
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.nodes.messages import decimal
+from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
 
@@ -30,16 +31,18 @@ class StatusPublisher:
     """Publishes ``~/state`` and logs on change, and publishes the metrics.
 
     A ``prefix`` begins the hardware ids. ``deferred`` gets work that must not delay a command.
-    ``report_stamp`` is the stamp of the last report that changed anything, seconds as text.
+    ``further`` returns what else belongs into the metrics, texts by key. ``report_stamp`` is the
+    stamp of the last report that changed anything, seconds as text.
     """
 
     def __init__(
-        self, node: Node, supervisor: Supervisor, prefix: str, deferred: Deferred
+        self, node: Node, supervisor: Supervisor, prefix: str, deferred: Deferred,
+        further: Callable[[], dict[str, str]],
     ) -> None:
         self.report_stamp = ''
         self._node = node
         self._supervisor = supervisor
-        self._deferred = deferred
+        self._deferred, self._further = deferred, further
         self._metrics = MetricsPublisher(node, supervisor.mechanism, prefix)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._state = node.create_publisher(String, '~/state', latched)
@@ -75,5 +78,5 @@ class StatusPublisher:
             self._metrics.publish(
                 self._node.get_clock().now().to_msg(),
                 self._supervisor.metrics(),
-                {'residual': residual, 'report_stamp': self.report_stamp},
+                {'residual': residual, 'report_stamp': self.report_stamp, **self._further()},
             )

@@ -9,30 +9,46 @@ An engine (`simulation.plant`, `simulation.mujoco`) adds how the parts move.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from math import atan2, exp, sqrt
+from math import exp
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fault_tolerance.errors import ArrayError, FailureError
-from fault_tolerance.mechanism.arrays import FloatArray, frozen_array
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen_array
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.elastic import attached_values
-from fault_tolerance.simulation.faults import FaultCommand, FaultMode
+from fault_tolerance.simulation.faults import ENCODER_FAULTS, FaultCommand, FaultMode
 from fault_tolerance.simulation.linkage import Linkage
 from fault_tolerance.simulation.plant_settings import PlantSettings
-from fault_tolerance.simulation.servos import BoolArray, Servos
-from fault_tolerance.simulation.state import LONGEST_STEP, PlantState
+from fault_tolerance.simulation.sensors import Encoders
+from fault_tolerance.simulation.servos import Servos
+from fault_tolerance.simulation.state import LONGEST_STEP, PlantState, mean_twist
+
+_AT_REST: tuple[FaultMode, ...] = ('position', 'torque')
+
+
+class _Glance(NamedTuple):
+    """What changes in a step: pose (4, 4), joint values (N,), and what encoders have to read."""
+
+    pose: FloatArray
+    values: FloatArray
+    sensed: FloatArray
 
 
 class BreakablePlant(ABC):
     """A mechanism without its mechanics: drives, faults, their repair, and sensors.
 
     An actuator holds its joint with a stiffness at its setpoint plus its *slack*; a stuck one
-    keeps both, a free one holds nothing. A repair moves nothing: the drive starts at rest where
-    its joint is now (where it springs to once let go, if it was stuck), a strut is fastened where
-    the platform is now. The strain this leaves is in the slack, and in how far the strut's end is
-    off its place; both die away with `PlantSettings.engagement_time`.
+    keeps both, a free one holds nothing, and one that misbehaves moves its setpoint in its own
+    way. A repair moves nothing: the drive starts at rest where its joint is now (where it springs
+    to once let go, if it held it), a strut is fastened where the platform is now. The strain this
+    leaves is in the slack, and in how far the strut's end is off its place; both die away with
+    `PlantSettings.engagement_time`.
+
+    The drives of a strut whose loss is reported stand still. Where nobody knows of it they go on,
+    and take their joints with them.
 
     ``mechanism`` may have any serial chains as struts, with any number of actuators in each;
     `MechanismError` if it is given by its Jacobian only. ``rng`` is the source of the sensor
@@ -47,11 +63,7 @@ class BreakablePlant(ABC):
     ) -> None:
         self.mechanism = mechanism
         self.settings = settings or PlantSettings()
-        self._rng = np.random.default_rng(rng)
         self._linkage = Linkage(mechanism)
-        self._servos = Servos(
-            mechanism, self.settings.servo_time_constant, self.settings.unlimited_rate
-        )
         count = len(mechanism.actuators)
         place = {name: index for index, name in enumerate(mechanism.strut_names)}
         self._strut_of = np.array([place[one.strut] for one in mechanism.actuators], dtype=np.intp)
@@ -59,9 +71,15 @@ class BreakablePlant(ABC):
         self._lever = np.where(self._linkage.turning, self._linkage.length, 1.0)
         levers = self._lever.flat[self._linkage.slots]
         self._stiffness = self.settings.actuator_stiffness * levers**2
-        self._noise = np.asarray(self.settings.encoder_noise / levers)
+        self._encoders = Encoders(mechanism, self.settings, levers, np.random.default_rng(rng))
+        self._servos = Servos(
+            mechanism, self.settings.servo_time_constant, self.settings.unlimited_rate,
+            self.settings.breakaway / levers,
+        )
+        self._runaway_rates = self.settings.runaway_rate / levers
         self._modes: list[FaultMode] = ['none'] * count
         self._attached = np.ones(len(mechanism.struts), dtype=np.bool_)
+        self._known_lost = np.zeros(len(mechanism.struts), dtype=np.bool_)
         self._slack = np.zeros(count)
         self._offsets = np.zeros((len(mechanism.struts), 6))
         self._command = np.zeros(count)
@@ -83,11 +101,16 @@ class BreakablePlant(ABC):
 
     @property
     def actuator_faults(self) -> tuple[FaultMode, ...]:
-        """What is wrong with each actuator: 'position', 'torque', 'hard' (strut lost), 'none'."""
+        """What is wrong with each drive, as in `FAULT_WORDS`; 'hard' where its strut is lost."""
         lost = ~self._present
         return tuple(
             'hard' if gone else mode for mode, gone in zip(self._modes, lost, strict=True)
         )
+
+    @property
+    def encoder_faults(self) -> tuple[FaultMode, ...]:
+        """What is wrong with each encoder: 'frozen', 'biased' or 'none'."""
+        return tuple(self._encoders.faults)
 
     @property
     def lost_struts(self) -> tuple[str, ...]:
@@ -105,7 +128,7 @@ class BreakablePlant(ABC):
 
     def reseed(self, rng: np.random.Generator | int) -> None:
         """Take the sensor noise from ``rng``, or from a source of that seed, from now on."""
-        self._rng = np.random.default_rng(rng)
+        self._encoders.rng = np.random.default_rng(rng)
 
     def apply(self, command: FaultCommand) -> None:
         """Break or repair parts at once as ``command`` says; the next step shows it.
@@ -119,14 +142,19 @@ class BreakablePlant(ABC):
             if target not in (*actuators, *struts):
                 raise FailureError(target, f'not subject to {mode}', (*actuators, *struts))
         chosen = [i for i, name in enumerate(actuators) if name in command.targets]
-        # A stuck actuator is let go last, when the others hold the platform again.
-        held = self._present
-        last = [i for i in chosen if mode == 'none' and self._modes[i] == 'position' and held[i]]
+        for index in chosen if mode in (*ENCODER_FAULTS, 'none') else ():
+            self._encoders.faults[index] = mode
+        if mode in ENCODER_FAULTS:
+            return
+        # An actuator that holds its joint is let go last, when the others hold the platform again.
+        held = self._present & ~self._free
+        last = [i for i in chosen if mode == 'none' and held[i]]
         for index in (i for i in chosen if i not in last):
             self._set_mode(index, mode)
         for index, name in enumerate(struts):
             if name in command.targets and mode == 'hard':
                 self._attached[index] = False
+                self._known_lost[index] |= not command.silent
             elif name in command.targets:
                 self._attach(index)
         for index in last:
@@ -141,12 +169,14 @@ class BreakablePlant(ABC):
             raise ArrayError('dt', f'{dt} s is not between 0 and {LONGEST_STEP} s')
         if dt == 0.0:
             return self._state
+        before = self._glance()
         fading = exp(-dt / self.settings.engagement_time)
         self._slack *= fading
         self._offsets *= fading
-        before, values_before = self._pose, self._values
         self._advance(dt)
-        self._state = self._observed(before, values_before, dt)
+        alone = ~self._present & self._powered & ~self._free
+        self._joint_values.flat[self._linkage.slots[alone]] = self._rests[alone]
+        self._state = self._observed(before, dt)
         return self._state
 
     @abstractmethod
@@ -173,17 +203,30 @@ class BreakablePlant(ABC):
         return self._joint_values.reshape(-1)[self._linkage.slots]
 
     @property
+    def _rests(self) -> FloatArray:
+        """Where the drives hold their joints."""
+        return self._servos.setpoints + self._slack
+
+    @property
     def _free(self) -> BoolArray:
         return np.array([mode == 'torque' for mode in self._modes])
+
+    @property
+    def _moving(self) -> BoolArray:
+        """Which drives move their setpoints, as they are told or not."""
+        return np.array([mode not in _AT_REST for mode in self._modes])
 
     @property
     def _present(self) -> BoolArray:
         return self._attached[self._strut_of]
 
+    @property
+    def _powered(self) -> BoolArray:
+        return ~self._known_lost[self._strut_of]
+
     def _drive(self, dt: float) -> None:
         """Move the setpoints; commands older than the timeout count as zero."""
-        healthy = np.array([mode == 'none' for mode in self._modes])
-        driven = healthy & self._present
+        driven = self._moving & self._powered
         obeyed = min(dt, max(0.0, self.settings.command_timeout - self._command_age))
         self._command_age += dt
         if obeyed > 0.0:
@@ -191,46 +234,46 @@ class BreakablePlant(ABC):
         if obeyed < dt:
             self._servos.advance(np.zeros_like(self._command), driven, dt - obeyed)
 
-    def _observed(self, before: FloatArray, values_before: FloatArray, dt: float) -> PlantState:
-        """Return what there is to see after a step from the pose and joint values before it."""
-        values, pose = self._values, self._pose
-        present = self._present
-        twist, rates = np.zeros(6), np.zeros(len(values))
-        if dt > 0.0:
-            twist[:3] = _turn(before[:3, :3], pose[:3, :3]) / dt
-            twist[3:] = (pose[:3, 3] - before[:3, 3]) / dt
-            rates = (values - values_before) / dt
-        noise = self._noise * self._rng.standard_normal(len(values))
+    def _glance(self) -> _Glance:
+        values = self._values
+        return _Glance(self._pose, values, self._encoders.sensed(values, self._rests, self._free))
+
+    def _observed(self, before: _Glance | None = None, dt: float = 1.0) -> PlantState:
+        """Return what there is to see ``dt`` > 0 seconds after ``before``, or at the start."""
+        now = self._glance()
+        before = before or now
+        encoders = self._encoders
         return PlantState(
-            pose=pose.copy(),
-            twist=twist,
-            values=values,
-            measured_values=np.where(present, values + noise, values),
-            rates=rates,
-            efforts=np.where(present & ~self._free, self._efforts(), 0.0),
+            pose=now.pose.copy(),
+            twist=mean_twist(before.pose, now.pose, dt),
+            values=now.values,
+            measured_values=encoders.readings(now.sensed, self._powered),
+            rates=(now.values - before.values) / dt,
+            measured_rates=encoders.speeds(before.sensed, now.sensed, dt),
+            efforts=np.where(self._present & ~self._free, self._efforts(), 0.0),
         )
 
     def _set_mode(self, index: int, mode: FaultMode) -> None:
-        """Break one actuator, or mend it where it is now."""
-        old = self._modes[index]
+        """Break one drive, or mend it where it is now."""
+        old, servos, settings = self._modes[index], self._servos, self.settings
         if mode == old:
             return
         # The spring of a free actuator has no rest of its own: it takes up where the joint is.
         value = float(self._values[index])
-        rest = self._servos.setpoints[index] + self._slack[index]
-        rest = value if old == 'torque' else rest
+        rest = value if old == 'torque' else float(self._rests[index])
+        if mode == 'none' and old != 'torque':
+            # As if free: what the actuator pushed against lets go.
+            self._modes[index] = 'torque'
+            value = self._released(index)
         self._modes[index] = mode
-        self._slack[index] = 0.0
         if mode == 'position':
-            self._servos.setpoints[index] = rest
-            self._servos.rates[index] = 0.0
-        elif mode == 'none':
-            if old == 'position':
-                # As if free: what a stuck actuator pushed against lets go.
-                self._modes[index] = 'torque'
-                value = self._released(index)
-                self._modes[index] = mode
-            self._slack[index] = rest - self._servos.rest_at(index, value)
+            servos.halt_at(index, rest)
+            self._slack[index] = 0.0
+        elif mode == 'none' or old == 'torque':
+            self._slack[index] = rest - servos.rest_at(index, value)
+        obedience = {'weak': settings.weak_share, 'reversed': -1.0, 'runaway': 0.0}
+        servos.obedience[index] = obedience.get(mode, 1.0)
+        servos.own_rates[index] = self._runaway_rates[index] if mode == 'runaway' else 0.0
 
     def _attach(self, index: int) -> None:
         """Fasten a lost strut to the platform where it is now."""
@@ -246,19 +289,9 @@ class BreakablePlant(ABC):
         self._joint_values = attached_values(
             linkage, index, movable, self._pose, self._joint_values
         )
-        for member in members:
-            if self._modes[member] == 'none':
-                value = float(self._values[member])
-                self._slack[member] = value - self._servos.rest_at(member, value)
+        for member in np.flatnonzero(self._moving & (self._strut_of == index)).tolist():
+            value = float(self._values[member])
+            self._slack[member] = value - self._servos.rest_at(member, value)
         self._attached[index] = True
+        self._known_lost[index] = False
         self._offsets[index] = self._fasten(index)
-
-
-def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the rotation vector (3,) from one rotation (3, 3) to another, less than pi."""
-    # scipy's Rotation would take a sixth of the time of a step.
-    turn = after @ before.T
-    x, y, z = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
-    sine = 0.5 * sqrt(x * x + y * y + z * z)
-    angle = atan2(sine, 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0))
-    return 0.5 * (angle / sine if sine > 0.0 else 1.0) * np.array([x, y, z])

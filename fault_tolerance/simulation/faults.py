@@ -3,8 +3,10 @@
 
 """What can be broken in the simulated mechanism, in words, and what its drives report of it.
 
-The words are those of the fault injection topic:
-``[silent] <position|torque|hard|ok> <actuator|strut|all>``, mode and name in either order.
+The words are those of the fault injection topic: ``[silent] MODE NAME``, mode and name in either
+order. A mode is a mode of failure (``position``, ``torque``, ``hard``, their aliases), a
+misbehaviour of a drive (``weak``, ``reversed``, ``runaway``) or of an encoder (``frozen``,
+``biased``), or ``ok``; a name is that of an actuator or a strut, or ``all``.
 """
 
 from __future__ import annotations
@@ -14,16 +16,43 @@ from typing import Literal
 
 from fault_tolerance.errors import FailureError
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.failure_modes import mode_from_word, mode_words
+from fault_tolerance.mechanism.failure_modes import (
+    MISBEHAVIOURS,
+    Misbehaviour,
+    mode_from_word,
+    mode_words,
+)
 
-FaultMode = Literal['position', 'torque', 'hard', 'none']
+FaultMode = Literal['position', 'torque', 'hard', 'none'] | Misbehaviour
 
-FAULT_WORDS: dict[str, FaultMode] = {word: mode_from_word(word).value for word in mode_words()}
-"""Every word for a mode of failure (or for none), and the mode it means."""
+FAULT_WORDS: dict[str, FaultMode] = {
+    **{word: mode_from_word(word).value for word in mode_words()}, **MISBEHAVIOURS,
+}
+"""Every word for something to be wrong (or for nothing), and the mode it means."""
+
+ENCODER_FAULTS: tuple[FaultMode, ...] = ('frozen', 'biased')
+"""The modes that are of an actuator's encoder; it may have one besides a fault of its drive."""
 
 SILENT = 'silent'
 EVERYTHING = 'all'
 _SHOWN_CHARACTERS = 40
+
+# The drives of the first four are better left alone. No failure stands for the last: a drive that
+# moves by itself cannot be told to stand still, and the controller stops at a mode it does not
+# know.
+_REPORTED: dict[FaultMode, str] = {
+    'frozen': 'position',
+    'biased': 'position',
+    'weak': 'position',
+    'reversed': 'position',
+    'runaway': 'runaway',
+}
+_MILDEST_FIRST = ('none', 'torque', 'position', 'hard', 'runaway')
+
+
+def reported_mode(fault: FaultMode) -> str:
+    """Return the ``failure_mode`` that a drive reports of a ``fault``."""
+    return _REPORTED.get(fault, fault)
 
 
 @dataclass(frozen=True)
@@ -32,10 +61,10 @@ class FaultCommand:
 
     Attributes
     ----------
-    mode : {'position', 'torque', 'hard', 'none'}
-        What to do to them; 'none' repairs.
+    mode : str
+        What to do to them, a value of `FAULT_WORDS`; 'none' repairs.
     targets : tuple of str
-        Actuators for 'position' and 'torque', struts for 'hard', both for 'none'.
+        Struts for 'hard', actuators and struts for 'none', actuators for all else.
     silent : bool
         Whether the drives do not report it.
     """
@@ -47,31 +76,53 @@ class FaultCommand:
 
 @dataclass(frozen=True)
 class FaultBook:
-    """What the simulated drives report: ``reports`` holds pairs of name and mode, oldest first.
+    """What the simulated drives know is wrong: pairs of name and mode, each in order of time.
 
-    A drive reports a fault that is not silent, and reports 'none' once such a fault is repaired.
-    It knows nothing of silent faults, neither when they come nor when they go. A name that is
-    missing in ``reports`` has never reported anything.
+    ``drives`` are faults of actuators and struts, ``encoders`` those of actuators' encoders. A
+    drive reports a fault that is not silent, and reports 'none' once such a fault is repaired. It
+    knows nothing of silent faults, neither when they come nor when they go. A name that is missing
+    has never reported anything.
     """
 
-    reports: tuple[tuple[str, FaultMode], ...] = ()
+    drives: tuple[tuple[str, FaultMode], ...] = ()
+    encoders: tuple[tuple[str, FaultMode], ...] = ()
+
+    @property
+    def faults(self) -> tuple[tuple[str, FaultMode], ...]:
+        """Pairs of name and mode, one for each name: the gravest of its drive and its encoder."""
+        gravest: dict[str, FaultMode] = {}
+        for name, fault in (*self.drives, *self.encoders):
+            gravest[name] = max(gravest.get(name, fault), fault, key=_gravity)
+        return tuple(gravest.items())
+
+    @property
+    def reports(self) -> tuple[tuple[str, str], ...]:
+        """The same with the modes that are reported (`reported_mode`)."""
+        return tuple((name, reported_mode(fault)) for name, fault in self.faults)
 
     def after(self, command: FaultCommand) -> FaultBook:
         """Return the book after ``command``; equal to this one if no report changes."""
-        reports = dict(self.reports)
+        drives, encoders = dict(self.drives), dict(self.encoders)
+        concerned = encoders if command.mode in ENCODER_FAULTS else drives
         for target in command.targets:
-            mends = command.mode == 'none'
-            if (mends and target in reports) or not (mends or command.silent):
-                reports[target] = command.mode
-        return FaultBook(tuple(reports.items()))
+            if command.mode == 'none':
+                for known in (drives, encoders):
+                    known.update({target: 'none'} if target in known else {})
+            elif not command.silent:
+                concerned[target] = command.mode
+        return FaultBook(tuple(drives.items()), tuple(encoders.items()))
+
+
+def _gravity(fault: FaultMode) -> int:
+    return _MILDEST_FIRST.index(reported_mode(fault))
 
 
 def fault_command(mechanism: Mechanism, text: str) -> FaultCommand:
     """Return what ``text``, ``[silent] MODE NAME`` or ``[silent] NAME MODE``, orders.
 
-    `position` and `torque` of a strut mean all its actuators, `hard` of an actuator means its
-    strut; `ok` of an actuator repairs the actuator and re-attaches its strut, `ok` of a strut
-    repairs the strut and all actuators in it.
+    `hard` of an actuator means its strut, any other mode of a strut all its actuators; `ok` of an
+    actuator repairs drive and encoder and re-attaches its strut, `ok` of a strut repairs the strut
+    and all actuators in it.
 
     Raises `FailureError`, which lists the valid words, if the text does not follow the grammar,
     a word is unknown, or ``mechanism`` has no such part.

@@ -46,7 +46,7 @@ class MujocoPlant(BreakablePlant):
 
     A stuck actuator loses its servo and gets a joint constraint of the same stiffness where it
     is; a free one loses its servo and goes between the ends of its stroke; a lost strut's closure
-    is switched off, and its joints are kept where they were: it neither falls nor swings.
+    is switched off, and its passive joints are kept where they were: it neither falls nor swings.
 
     Parameters are those of `BreakablePlant`, and the `Masses` of the parts. Raises `EngineError`
     if the package mujoco is missing.
@@ -56,8 +56,9 @@ class MujocoPlant(BreakablePlant):
     Modelled beyond the elastic plant: inertia and vibration of platform, struts and drives;
     gravity; end stops of actuators whose stroke is limited on both sides. Not modelled: flexures
     softer in the directions a strut bars than in those it moves in (the closures are equally
-    stiff in all); contacts and collisions; friction and backlash; elastic links; restoring
-    forces of flexures; limits on force; what is said of sensors and drives for the elastic plant.
+    stiff in all); contacts and collisions; friction but for `PlantSettings.breakaway`; backlash;
+    elastic links; restoring forces of flexures; limits on force; what is said of sensors and
+    drives for the elastic plant.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class MujocoPlant(BreakablePlant):
         self._index()
         self._soften()
         self._load()
-        self._state = self._observed(self._pose, self._values, 0.0)
+        self._state = self._observed()
 
     @property
     def strut_points(self) -> tuple[FloatArray, ...]:
@@ -194,12 +195,12 @@ class MujocoPlant(BreakablePlant):
     def _equip(self) -> None:
         """Let servos, locks and closures be as the faults leave them."""
         model, data = self._model, self._data
-        held = np.array([mode == 'none' for mode in self._modes])[:, None]
+        held = self._moving[:, None]
         for ids in (self._servo_ids, self._rate_ids):
             model.actuator_gainprm[ids] = held * self._gains[0][ids]
             model.actuator_biasprm[ids] = held * self._gains[1][ids]
         data.eq_active[self._lock_ids] = [mode == 'position' for mode in self._modes]
-        model.eq_data[self._lock_ids, 0] = self._servos.setpoints + self._slack
+        model.eq_data[self._lock_ids, 0] = self._rests
         data.eq_active[self._closure_ids] = self._attached
         for index in np.flatnonzero(self._offsets.any(axis=1)).tolist():
             self._shift(index)
@@ -224,7 +225,7 @@ class MujocoPlant(BreakablePlant):
         model.opt.gravity[:] = 0.0
         model.opt.timestep = TIMESTEP
         ahead.xfrc_applied[:] = 0.0
-        ahead.ctrl[self._servo_ids] = self._servos.setpoints + self._slack
+        ahead.ctrl[self._servo_ids] = self._rests
         ahead.ctrl[self._rate_ids] = 0.0
         lost = self._speeds[~self._attached[self._owners]]
         for _ in range(round(_RELEASE_TIME / TIMESTEP)):

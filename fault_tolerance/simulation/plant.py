@@ -28,16 +28,16 @@ class ElasticPlant(BreakablePlant):
     only; no Jacobian of the controller's is used.
 
     A stuck actuator keeps its setpoint; a free one has no spring and is carried along, between
-    the ends of its stroke; a lost strut's joints stay where they were. Parameters are those of
-    `BreakablePlant`.
+    the ends of its stroke; a lost strut's passive joints stay where they were. Parameters are
+    those of `BreakablePlant`.
 
     Notes
     -----
-    Not modelled: inertia and vibration; gravity; friction and backlash; creep and hysteresis of
-    piezo stacks; restoring forces, fatigue and travel of flexures; limits on force; temperature;
-    bias, quantisation and dropouts of sensors; dead time of drives; end stops of the platform
-    and of passive joints; collisions; links that bend anywhere but at their ends. Speeds are
-    mean values over a step.
+    Not modelled: inertia and vibration; gravity; friction but for `PlantSettings.breakaway`;
+    backlash; creep and hysteresis of piezo stacks; restoring forces, fatigue and travel of
+    flexures; limits on force; temperature; quantisation and dropouts of sensors; dead time of
+    drives; end stops of the platform and of passive joints; collisions; links that bend anywhere
+    but at their ends. Speeds are mean values over a step.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ElasticPlant(BreakablePlant):
         self._strut_stiffness = strut_stiffnesses(
             self._linkage, self.settings.structure_stiffness, self.settings.flexure_stiffness
         )
-        self._state = self._observed(self._pose, self._values, 0.0)
+        self._state = self._observed()
 
     @property
     def strut_points(self) -> tuple[FloatArray, ...]:
@@ -68,7 +68,7 @@ class ElasticPlant(BreakablePlant):
     def _structure(self) -> Structure:
         """Return the springs and dampers as the faults leave them."""
         settings, linkage = self.settings, self._linkage
-        stiffness, rest = self._stiffness, self._servos.setpoints + self._slack
+        stiffness, rest = self._stiffness, self._rests
         free = self._free
         if free.any():
             # A free actuator meets a spring only at the ends of its stroke.
@@ -92,7 +92,7 @@ class ElasticPlant(BreakablePlant):
         )
 
     def _efforts(self) -> FloatArray:
-        return self._stiffness * (self._servos.setpoints + self._slack - self._values)
+        return self._stiffness * (self._rests - self._values)
 
     def _released(self, index: int) -> float:
         pose, joint_values = self._pose, self._joint_values

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How stiff, slow and noisy the simulated mechanism is."""
+"""How stiff, slow and noisy the simulated mechanism is, and how it misbehaves."""
 
 from __future__ import annotations
 
@@ -11,14 +11,20 @@ from math import isfinite
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.arrays import frozen_array
 
+ENCODER_CHOICES = ('file', 'load', 'motor')
+"""The words for `PlantSettings.encoders`."""
+
+_MAY_BE_ZERO = ('servo_time_constant', 'breakaway', 'encoder_noise', 'encoder_bias', 'weak_share')
+
 
 @dataclass(frozen=True)
 class PlantSettings:
     """Properties of the simulated mechanism.
 
     Rotations count as displacements of the characteristic length Lc: a stiffness k or damping c
-    in the units below is k Lc^2 or c Lc^2 about an axis. The defaults suit a fast steering
-    mirror of a few centimetres on piezo or voice-coil struts.
+    in the units below is k Lc^2 or c Lc^2 about an axis, and a displacement or speed of a drive
+    that turns is 1/Lc of it, in radians. The defaults suit a fast steering mirror of a few
+    centimetres on piezo or voice-coil struts.
 
     Attributes
     ----------
@@ -40,10 +46,22 @@ class PlantSettings:
         First-order lag of the drives, seconds.
     unlimited_rate : float
         Largest rate of actuators whose description has none: rad/s, or Lc a second.
+    breakaway : float
+        A drive stands still until it has been told to go farther than this, and then slips all
+        the way, metres.
+    encoders : str
+        What all encoders read: ``load`` the joint, ``motor`` the drive; ``file`` as the mechanism
+        file says of each.
     encoder_noise : float
-        Standard deviation of the measured positions, metres (times 1/Lc in radians). 2 nm at
-        a radius of 20 mm are 0.1 urad, below the 0.5 urad that the manual of the Newport
-        FSM-300 mirror gives as its position sensors' resolution.
+        Standard deviation of the measured positions, metres. 2 nm at a radius of 20 mm are
+        0.1 urad, below the 0.5 urad that the manual of the Newport FSM-300 mirror gives as its
+        position sensors' resolution.
+    encoder_bias : float
+        By how much the reading of a biased encoder jumps, metres.
+    weak_share : float
+        How far a weak drive moves of what it is told, 0 to 1.
+    runaway_rate : float
+        Speed of a drive that moves by itself, towards the upper end of its stroke, m/s.
     command_timeout : float
         The drives stop when commands cease for so long, seconds.
     engagement_time : float
@@ -61,7 +79,12 @@ class PlantSettings:
     )
     servo_time_constant: float = 1e-3
     unlimited_rate: float = 10.0
+    breakaway: float = 0.0
+    encoders: str = ENCODER_CHOICES[0]
     encoder_noise: float = 2e-9
+    encoder_bias: float = 2e-6
+    weak_share: float = 0.5
+    runaway_rate: float = 1e-4
     command_timeout: float = 0.1
     engagement_time: float = 0.05
 
@@ -69,11 +92,16 @@ class PlantSettings:
         """Check the numbers."""
         load = frozen_array(self.disturbance, (6,), 'disturbance')
         object.__setattr__(self, 'disturbance', tuple(load.tolist()))
+        if self.encoders not in ENCODER_CHOICES:
+            reason = f'{self.encoders!r} is not one of {", ".join(ENCODER_CHOICES)}'
+            raise ArrayError('encoders', reason)
         for entry in fields(self):
             value = getattr(self, entry.name)
-            if entry.name == 'disturbance':
+            if entry.name in ('disturbance', 'encoders'):
                 continue
             if not isfinite(value) or value < 0.0:
                 raise ArrayError(entry.name, f'{value} is not a finite, positive number')
-            if value == 0.0 and entry.name not in ('servo_time_constant', 'encoder_noise'):
+            if value == 0.0 and entry.name not in _MAY_BE_ZERO:
                 raise ArrayError(entry.name, 'must not be zero')
+        if self.weak_share > 1.0:
+            raise ArrayError('weak_share', f'{self.weak_share} is more than 1')

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import atan2, sqrt
 from typing import Protocol
 
 import numpy as np
@@ -34,9 +35,12 @@ class PlantState:
     values : (N,) array
         True joint values of the actuators, radians or metres from home.
     measured_values : (N,) array
-        The same as measured, with noise; without, and constant, for a lost strut.
+        What the encoders read of them, or of the drives, with noise and faults; constant in a
+        strut whose loss is reported.
     rates : (N,) array
-        Joint rates, mean over the last step, free of noise; 0 in a lost strut.
+        True joint rates, mean over the last step; 0 in a strut whose loss is reported.
+    measured_rates : (N,) array
+        The same by the encoders, free of noise and jumps; 0 where one is frozen.
     efforts : (N,) array
         What each actuator pushes or turns with, N or N m, positive along the joint; 0 where
         it is free or its strut lost.
@@ -47,6 +51,7 @@ class PlantState:
     values: FloatArray
     measured_values: FloatArray
     rates: FloatArray
+    measured_rates: FloatArray
     efforts: FloatArray
 
     def __post_init__(self) -> None:
@@ -73,7 +78,12 @@ class Plant(Protocol):
 
     @property
     def actuator_faults(self) -> tuple[FaultMode, ...]:
-        """What is wrong with each actuator: 'position', 'torque', 'hard' (strut lost), 'none'."""
+        """What is wrong with each drive, as in `FAULT_WORDS`; 'hard' where its strut is lost."""
+        ...
+
+    @property
+    def encoder_faults(self) -> tuple[FaultMode, ...]:
+        """What is wrong with each encoder: 'frozen', 'biased' or 'none'."""
         ...
 
     @property
@@ -101,3 +111,28 @@ class Plant(Protocol):
     def step(self, dt: float) -> PlantState:
         """Let ``dt`` seconds pass, at most `LONGEST_STEP`; return the new state."""
         ...
+
+
+def present_faults(plant: Plant) -> dict[str, tuple[FaultMode, ...]]:
+    """Return what is wrong with each actuator of ``plant``, by name: of drive, then of encoder."""
+    faults = zip(plant.actuator_faults, plant.encoder_faults, strict=True)
+    return {
+        name: tuple(one for one in both if one != 'none')
+        for name, both in zip(plant.mechanism.actuator_names, faults, strict=True)
+    }
+
+
+def mean_twist(before: FloatArray, after: FloatArray, dt: float) -> FloatArray:
+    """Return the mean twist (6,), as in `PlantState`, of the platform in ``dt`` > 0 seconds.
+
+    Its pose was ``before`` (4, 4), and is ``after``, less than half a turn away.
+    """
+    # scipy's Rotation would take a sixth of the time of a step.
+    turn = after[:3, :3] @ before[:3, :3].T
+    x, y, z = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
+    sine = 0.5 * sqrt(x * x + y * y + z * z)
+    angle = atan2(sine, 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0))
+    twist = np.empty(6)
+    twist[:3] = 0.5 * (angle / sine if sine > 0.0 else 1.0) * np.array([x, y, z])
+    twist[3:] = after[:3, 3] - before[:3, 3]
+    return twist / dt

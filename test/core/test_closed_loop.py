@@ -84,6 +84,27 @@ def test_an_intolerable_failure_stops_the_drives_within_one_period():
     assert 'cannot be given independently' in loop.supervisor.output.reason
 
 
+@pytest.mark.parametrize('word', ['weak', 'reversed', 'frozen', 'biased'])
+def test_a_drive_that_reports_a_misbehaviour_is_left_alone(word):
+    _, healthy, _, after = run_with_failure([f'{word} theta_4'])
+
+    assert set(after.states) == {State.DEGRADED}
+    assert not after.rates[:, 3].any()
+    assert after.error_rms < 1e-6
+    assert np.abs(after.efforts - healthy.mean_efforts).max() < 1.0
+
+
+def test_a_drive_that_reports_that_it_runs_away_stops_the_others_until_it_is_mended():
+    loop, _, at_once, after = run_with_failure(['runaway theta_4'])
+
+    assert {*at_once.states, *after.states} == {State.STOPPED}
+    assert not at_once.rates.any()
+    assert 'runaway' in loop.supervisor.output.reason
+    loop.inject('ok all')
+    loop.clear()
+    assert loop.run(LoopSettings().period).states == (State.NOMINAL,)
+
+
 def test_mending_and_clearing_returns_to_nominal_without_a_jump():
     loop, healthy, _, failed = run_with_failure(['stuck theta_4'])
     loop.inject('ok all')

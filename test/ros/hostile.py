@@ -27,7 +27,7 @@ ODD_TEXTS = (
 )
 MODES = (
     'position', 'torque', 'hard', 'none', 'stuck', 'free', 'lost', 'ok', 'melted', 'POSITION',
-    ' torque ', 'silent',
+    ' torque ', 'silent', 'frozen', 'runaway',
 )
 LONG = 1_000_000
 

@@ -78,6 +78,21 @@ class Bench:
 
         self.probe.wait(refused, f'{number} refusals')
 
+    def commanded(self, rates, cycles):
+        """Command ``rates`` for some cycles, and return the joint states of these."""
+        found = []
+        for _ in range(cycles):
+            self.commands.publish(Float64MultiArray(data=rates))
+            found.append(self.next_joint_state())
+        return found
+
+    def wait_for_velocity(self, rates, expected) -> None:
+        """Command ``rates`` until the joints move as ``expected``."""
+        self.probe.wait(
+            lambda: list(self.commanded(rates, 1)[0].velocity)
+            == pytest.approx(expected, rel=0.1, abs=1e-3),
+            f'velocities {expected}, not {list(self.joint_states[-1].velocity)}')
+
     def next_joint_state(self):
         count = len(self.joint_states)
         self.probe.wait(lambda: len(self.joint_states) > count, 'a joint state')
@@ -116,6 +131,12 @@ def bench(shared_bench):
         ('HARD theta_3', {'strut_3': 'hard'}),
         ('free all', dict.fromkeys(ACTUATORS, 'torque')),
         ('lost all', dict.fromkeys(STRUTS, 'hard')),
+        ('frozen theta_1', {'theta_1': 'position'}),
+        ('strut_1 encoder', {'theta_1': 'position'}),
+        ('biased all', dict.fromkeys(ACTUATORS, 'position')),
+        ('weak theta_2', {'theta_2': 'position'}),
+        ('REVERSED strut_3', {'theta_3': 'position'}),
+        ('runaway theta_4', {'theta_4': 'runaway'}),
     ],
 )
 def test_faults_are_reported_as_drives_would(bench, words, reports):
@@ -269,6 +290,110 @@ def test_a_lost_strut_keeps_its_position_with_velocity_zero(bench):
         assert message.position[3] == first.position[3]
         assert message.velocity[3] == 0.0
         assert message.effort[3] == 0.0
+
+
+def test_words_of_drives_go_with_the_mode_that_is_reported(bench):
+    bench.inject('weak theta_2')
+    bench.wait_for_reports(theta_2='position')
+    bench.inject('runaway theta_3')
+    bench.wait_for_reports(theta_2='position', theta_3='runaway')
+    said = {one.hardware_id: one.message for one in bench.statuses if one.level == b'\x02'}
+    assert said['theta_2'] == 'drive moves less far than told'
+    assert said['theta_3'] == 'drive moves by itself'
+    assert bench.probe.parameter('fsm', 'faults.theta_2') == 'weak'
+
+
+@pytest.mark.parametrize('word', ['frozen', 'biased', 'weak', 'reversed', 'runaway'])
+def test_a_parameter_sets_every_misbehaviour_silently_and_mends_it(bench, word):
+    probe = bench.probe
+    assert probe.set_parameter('fsm', 'faults.theta_4', f'silent {word}').successful
+    for part in ('theta_4', 'strut_4'):
+        assert probe.parameter('fsm', f'faults.{part}') == word
+    assert probe.set_parameter('fsm', 'faults.strut_4', 'ok').successful
+    assert probe.parameter('fsm', 'faults.theta_4') == 'none'
+    # What is reported next is all that ever was.
+    assert probe.set_parameter('fsm', 'faults.theta_1', word).successful
+    bench.wait_for_reports(theta_1='runaway' if word == 'runaway' else 'position')
+
+
+def test_faults_of_drive_and_encoder_stand_beside_each_other(bench):
+    bench.inject('free theta_1')
+    bench.inject('encoder theta_1')
+    bench.wait_for_reports(theta_1='position')
+    bench.probe.wait(
+        lambda: bench.probe.parameter('fsm', 'faults.theta_1') == 'torque frozen', 'both faults')
+    bench.inject('ok theta_1')
+    bench.wait_for_reports(theta_1='none')
+    assert bench.probe.parameter('fsm', 'faults.theta_1') == 'none'
+
+
+def test_a_frozen_encoder_repeats_its_last_reading(bench):
+    bench.inject('silent frozen theta_1')
+    bench.probe.wait(lambda: bench.probe.parameter('fsm', 'faults.theta_1') == 'frozen', 'it')
+    found = bench.commanded([0.01] * 4, 10)
+    assert len({one.position[0] for one in found}) == 1
+    assert {one.velocity[0] for one in found} == {0.0}
+    assert found[-1].position[1] - found[0].position[1] > 1e-4
+    assert max(one.velocity[1] for one in found) == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_reading_of_a_biased_encoder_jumps(bench):
+    bench.probe.wait(lambda: max(map(abs, bench.next_joint_state().velocity)) < 1e-9, 'rest')
+    before = bench.next_joint_state().position
+    bench.inject('silent biased theta_3')
+    bench.probe.wait(
+        lambda: bench.next_joint_state().position[2] - before[2] > 1e-6, 'the jump')
+    jump = [now - then for now, then in zip(
+        bench.next_joint_state().position, before, strict=True)]
+    # Six standard deviations of the noise, twice.
+    assert jump == pytest.approx([0.0, 0.0, 2e-6, 0.0], abs=2.5e-8)
+
+
+@pytest.mark.parametrize(('word', 'share'), [('weak', 0.5), ('reversed', -1.0)])
+def test_drives_obey_in_part_or_the_wrong_way(bench, word, share):
+    bench.inject(f'silent {word} all')
+    bench.probe.wait(lambda: bench.probe.parameter('fsm', 'faults.theta_4') == word, 'it')
+    bench.wait_for_velocity([0.01] * 4, [0.01 * share] * 4)
+    bench.inject('ok all')
+    bench.wait_for_velocity([0.01] * 4, [0.01] * 4)
+
+
+def test_drives_run_away_by_themselves(bench):
+    bench.inject('silent runaway all')
+    bench.probe.wait(
+        lambda: list(bench.next_joint_state().velocity) == pytest.approx([1e-4] * 4, rel=0.2),
+        'motion')
+
+
+def test_the_drive_of_a_silently_lost_strut_goes_on(bench):
+    bench.inject('silent lost strut_4')
+    bench.probe.wait(lambda: bench.probe.parameter('fsm', 'faults.strut_4') == 'hard', 'it')
+    bench.wait_for_velocity([0.0, 0.0, 0.0, 0.01], [0.0, 0.0, 0.0, 0.01])
+    found = bench.commanded([0.0, 0.0, 0.0, 0.01], 10)
+    assert found[-1].position[3] - found[0].position[3] > 1e-4
+    assert found[-1].effort[3] == 0.0
+
+
+def test_encoders_of_the_motors_read_drives_that_stick_now_and_then(start, another):
+    bench = Bench(another, start(
+        'fsm_simulator', 'another', mechanism='fsm_4_strut', encoders='motor', encoder_noise=0.0,
+        encoder_bias=1e-3, breakaway=1e-4, weak_share=0.25, runaway_rate=0.002,
+        **{'faults.theta_1': 'silent stuck', 'faults.theta_3': 'silent runaway'},
+    ))
+    bench.inject('silent biased theta_4')
+    another.wait(lambda: bench.next_joint_state().position[3] > 9e-4, 'the jump')
+    found = bench.commanded([0.0, 0.001, 0.0, 0.0], 40)
+    positions = [one.position for one in found]
+    # Pulled at by the others, but its own encoder does not know.
+    assert {one[0] for one in positions} == {0.0}
+    assert positions[-1][2] > positions[0][2] > 0.0
+    assert {one[3] for one in positions} == {1e-3}
+    # 10 um a cycle of 10 ms: at rest in most of them.
+    assert positions[-1][1] > positions[0][1]
+    steps = diff([one[1] for one in positions])
+    assert sum(step == 0.0 for step in steps) > 20
+    assert all(step == 0.0 or 1e-4 < step < 3e-4 for step in steps)
+    assert {one.hardware_id for one in bench.statuses} <= {'another/fsm'}
 
 
 def test_commands_move_the_actuators_and_bad_ones_do_not(bench):

@@ -30,6 +30,11 @@ def test_a_fault_is_injected_and_released(start, probe):
     released = command('clear')
     assert released.returncode == 0, released.stderr
     assert released.stdout == 'released theta_4 (position); now nominal\n'
+    # Nobody hears of it.
+    silent = command('inject', 'silent', 'frozen', 'theta_2')
+    assert (silent.returncode, silent.stdout) == (0, 'nominal\n'), silent.stderr
+    shown = command('inject', '--help').stdout
+    assert 'reversed' in shown and 'unactuated' in shown
 
 
 def test_without_nodes_it_says_so_in_one_line():

@@ -30,6 +30,9 @@ BAD = [
     ('fsm_simulator', {'rate': 100}, 'rate'),
     ('fsm_simulator', {'engine': 'steam'}, 'engine'),
     ('fsm_simulator', {'disturbance': '[1.0, 2.0]'}, 'disturbance'),
+    ('fsm_simulator', {'encoders': 'both'}, 'encoders'),
+    ('fsm_simulator', {'weak_share': 1.5}, 'weak_share'),
+    ('fsm_simulator', {'breakaway': -1.0}, 'breakaway'),
     ('fsm_simulator', {'faults.theta_1': 'melted'}, 'faults.theta_1'),
     ('fsm_simulator', {'faults.theta_9': 'torque'}, 'faults.theta_9'),
     ('fsm_simulator', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
@@ -93,6 +96,11 @@ def test_a_parameter_nobody_knows_is_warned_of(start):
         assert process.alive
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+def test_the_bare_word_off_is_no_boolean(start, probe):
+    start('controller', detect='off')
+    assert probe.parameter('fault_tolerance', 'detect') == 'off'
 
 
 def least_time_to_end(running, number, ended) -> float:

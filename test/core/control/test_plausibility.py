@@ -70,60 +70,6 @@ def test_what_moves_as_told_and_what_is_stuck_and_rests_is_no_matter_for_a_warni
         assert not any(output.warnings for output in run(np.ones(4), failures=failures)[1])
 
 
-def test_a_stuck_actuator_that_moves_is_told_of():
-    supervisor = fed(MIRROR)
-    supervisor.reports([report('stuck', 'theta_4')], 0.0)
-    outputs = []
-    for number in range(1, 125):
-        now = number * PERIOD
-        away = 1e-5 * np.sin(10.0 * now)
-        feed(supervisor, now, ASKED, away * np.array([-1.0, 1.0, -1.0, 1.0]))
-        outputs.append(watched(supervisor, now))
-
-    assert supervisor.metrics().inconsistent == ('theta_4',)
-    assert reasons(outputs[-1]) == ['inconsistent']
-    assert 'theta_4: reported stuck, but moving' in outputs[-1].reason
-    assert outputs[-1].state is State.DEGRADED
-    assert supervisor.metrics().level == WARN
-    # Mended, reported so and cleared it is no contradiction any more.
-    supervisor.reports([report('none', 'theta_4')], 2.5)
-    supervisor.clear(2.5)
-    feed(supervisor, 2.51)
-    assert watched(supervisor, 2.51).warnings == ()
-
-
-def test_an_actuator_that_rests_though_told_to_move_is_told_of_in_time():
-    # Small enough a motion to contradict no other reading by much.
-    supervisor, outputs = run([1.0, 1.0, 0.0, 1.0], asked=[5e-3, 5e-3, 0.0], misfit_limit=1.0)
-
-    assert not any(output.warnings for output in outputs[:95])
-    assert supervisor.metrics().inconsistent == ('theta_3',)
-    assert 'theta_3: told to move, but at rest' in outputs[-1].reason
-    assert outputs[-1].state is State.NOMINAL
-
-
-def test_noise_is_not_taken_for_motion():
-    rng = np.random.default_rng(3)
-    supervisor = fed(MIRROR)
-    supervisor.reports([report('stuck', 'theta_4')], 0.0)
-    for number in range(1, 125):
-        now = number * PERIOD
-        feed(supervisor, now, values=2e-9 * rng.standard_normal(4))
-        assert watched(supervisor, now).warnings == ()
-
-
-def test_a_comparison_starts_anew_after_a_gap():
-    supervisor = fed(MIRROR)
-    supervisor.reports([report('stuck', 'theta_4')], 0.0)
-    for number in range(1, 125):
-        now = number * PERIOD + (10.0 if number > 45 else 0.0)
-        # Carried somewhere else while nobody looked.
-        there = 1e-5 * np.array([-1.0, 1.0, -1.0, 1.0]) * (number > 45)
-        feed(supervisor, now, values=there)
-        watched(supervisor, now)
-        assert supervisor.metrics().inconsistent == ()
-
-
 def test_readings_in_contradiction_hold_it_with_the_reason_until_they_agree():
     supervisor = fed(MIRROR, velocity=ASKED)
     # Opposite struts up, the others down: no plate does that. Misfit: all of it.

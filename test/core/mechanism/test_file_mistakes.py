@@ -365,6 +365,8 @@ def test_names_that_are_no_mechanism(name, message):
         ('all', 'is a word for faults'),
         ('Silent', 'is a word for faults'),
         ('stuck', 'is a word for faults'),
+        ('Runaway', 'is a word for faults'),
+        ('encoder', 'is a word for faults'),
     ],
 )
 def test_names_that_reports_and_fault_commands_would_misread_are_refused(name, reason):

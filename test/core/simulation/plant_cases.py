@@ -12,6 +12,12 @@ from fault_tolerance.simulation.faults import fault_command
 from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.plant_settings import PlantSettings
 
+ORDERS = (
+    'position', 'torque', 'hard', 'silent hard', 'frozen', 'biased', 'weak', 'reversed', 'runaway',
+    'ok', 'ok',
+)
+"""Modes to break and mend parts with at random; mending as often as it needs."""
+
 UNLOADED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 SERIAL_ARM = """

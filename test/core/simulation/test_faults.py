@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from plant_cases import BY_NUMBERS, MECHANISMS
 
 from fault_tolerance.errors import FailureError
-from fault_tolerance.mechanism.failure_modes import mode_from_word, mode_words
+from fault_tolerance.mechanism.failure_modes import MISBEHAVIOURS, mode_from_word, mode_words
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.faults import FAULT_WORDS, FaultBook, FaultCommand, fault_command
 
@@ -36,6 +36,12 @@ STRUTS = ('strut_1', 'strut_2', 'strut_3', 'strut_4')
         ('ok strut_1', 'none', ('theta_1', 'strut_1')),
         ('ok all', 'none', (*THETAS, *STRUTS)),
         ('  STUCK   theta_1\n', 'position', ('theta_1',)),
+        ('frozen theta_4', 'frozen', ('theta_4',)),
+        ('strut_4 encoder', 'frozen', ('theta_4',)),
+        ('biased all', 'biased', THETAS),
+        ('Weak strut_2', 'weak', ('theta_2',)),
+        ('theta_2 reversed', 'reversed', ('theta_2',)),
+        ('runaway theta_1', 'runaway', ('theta_1',)),
     ],
 )
 def test_grammar(text, mode, targets):
@@ -58,7 +64,9 @@ def test_aliases_in_either_order_and_case(word):
 
 
 def test_the_simulator_and_the_controller_know_the_same_words():
-    assert {word: mode_from_word(word).value for word in mode_words()} == FAULT_WORDS
+    shared = {word: mode_from_word(word).value for word in mode_words()}
+    assert shared.items() <= FAULT_WORDS.items()
+    assert FAULT_WORDS.keys() - shared.keys() == MISBEHAVIOURS.keys()
 
 
 def test_silent_comes_first():
@@ -144,10 +152,38 @@ def test_a_mended_fault_is_reported_as_none():
     }
 
 
+@pytest.mark.parametrize('word', ['frozen', 'encoder', 'biased', 'weak', 'reversed'])
+def test_a_drive_better_left_alone_is_reported_as_stuck(word):
+    assert book_after(f'{word} theta_4') == {'theta_4': 'position'}
+    assert book_after(f'{word} strut_4', 'ok all') == {'theta_4': 'none'}
+
+
+def test_no_mode_stands_for_a_drive_that_runs_away():
+    assert book_after('runaway theta_4') == {'theta_4': 'runaway'}
+    with pytest.raises(FailureError):
+        mode_from_word('runaway')
+    assert book_after('runaway theta_4', 'stuck theta_4') == {'theta_4': 'position'}
+
+
+@pytest.mark.parametrize(
+    ('drive', 'reported'),
+    [('free', 'position'), ('stuck', 'position'), ('runaway', 'runaway')],
+)
+def test_of_drive_and_encoder_the_graver_fault_is_reported(drive, reported):
+    for words in ([f'{drive} theta_4', 'frozen theta_4'], ['frozen theta_4', f'{drive} theta_4']):
+        assert book_after(*words) == {'theta_4': reported}
+        assert book_after(*words, 'ok theta_4') == {'theta_4': 'none'}
+    book = FaultBook()
+    for words in ('stuck theta_4', 'biased theta_4', 'weak theta_2'):
+        book = book.after(fault_command(FOUR, words))
+    assert dict(book.faults) == {'theta_4': 'position', 'theta_2': 'weak'}
+
+
 def test_silent_faults_are_never_reported_nor_their_mending():
     assert book_after('silent position theta_4') == {}
     assert book_after('silent position theta_4', 'ok theta_4') == {}
     assert book_after('silent hard all', 'ok all') == {}
+    assert book_after('silent runaway all', 'silent frozen all', 'ok all') == {}
 
 
 def test_a_silent_fault_does_not_change_an_earlier_report():

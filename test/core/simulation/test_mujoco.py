@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plant_cases import BY_NUMBERS, MECHANISMS, UNLOADED, broken, driven, rotation_of
+from plant_cases import BY_NUMBERS, MECHANISMS, ORDERS, UNLOADED, broken, driven, rotation_of
 
 from fault_tolerance.cli import main
 from fault_tolerance.errors import ArrayError, EngineError, MechanismError
@@ -264,7 +264,7 @@ def test_whatever_happens_every_number_is_finite(name, data):
     names = [*mechanism.actuator_names, *mechanism.strut_names, 'all']
     rate = st.one_of(st.floats(-1.0, 1.0), st.floats(-1e300, 1e300))
     for _ in range(6):
-        mode = data.draw(st.sampled_from(['position', 'torque', 'hard', 'ok']))
+        mode = data.draw(st.sampled_from(ORDERS))
         plant.apply(fault_command(mechanism, f'{mode} {data.draw(st.sampled_from(names))}'))
         count = len(mechanism.actuators)
         plant.command(data.draw(st.lists(rate, min_size=count, max_size=count)))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plant_cases import MECHANISMS, broken, driven, exact_plant, rotation_of
+from plant_cases import MECHANISMS, ORDERS, broken, driven, exact_plant, rotation_of
 
 from fault_tolerance.errors import FailureError
 from fault_tolerance.simulation.faults import FaultCommand, fault_command
@@ -151,6 +151,8 @@ def test_a_mended_drive_takes_up_its_commanded_rate_with_its_lag():
     ('command', 'message'),
     [
         (FaultCommand('position', ('strut_1',)), "not subject to position: 'strut_1'; valid: th"),
+        (FaultCommand('frozen', ('strut_1',)), "not subject to frozen: 'strut_1'; valid: theta_1"),
+        (FaultCommand('runaway', ('theta_1', 'theta_9')), "not subject to runaway: 'theta_9'"),
         (FaultCommand('hard', ('theta_1',)), "not subject to hard: 'theta_1'; valid: strut_1"),
         (FaultCommand('none', ('theta_1', 'theta_9')), "not subject to none: 'theta_9'"),
     ],
@@ -160,6 +162,7 @@ def test_an_order_for_a_part_that_cannot_have_it_does_nothing(command, message):
     with pytest.raises(FailureError, match=message):
         plant.apply(command)
     assert plant.actuator_faults == ('torque', 'none', 'none', 'none')
+    assert plant.encoder_faults == ('none',) * 4
 
 
 @pytest.mark.parametrize('name', MECHANISMS)
@@ -171,7 +174,7 @@ def test_whatever_happens_every_number_is_finite(name, data):
     names = [*mechanism.actuator_names, *mechanism.strut_names, 'all']
     rate = st.one_of(st.floats(-1.0, 1.0), st.floats(-1e300, 1e300))
     for _ in range(8):
-        mode = data.draw(st.sampled_from(['position', 'torque', 'hard', 'ok']))
+        mode = data.draw(st.sampled_from(ORDERS))
         plant.apply(fault_command(mechanism, f'{mode} {data.draw(st.sampled_from(names))}'))
         count = len(mechanism.actuators)
         plant.command(data.draw(st.lists(rate, min_size=count, max_size=count)))

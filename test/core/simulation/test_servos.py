@@ -82,3 +82,31 @@ def test_rest_is_taken_within_the_stroke():
     assert drive.rest_at(2, 1e-4) == 1e-4
     assert drive.rest_at(1, -1.0) == -0.0006
     assert drive.rates[1] == drive.rates[2] == 0.0
+
+
+def test_a_servo_obeys_in_part_the_wrong_way_or_not_at_all():
+    drive = servos(lag=0.0)
+    drive.obedience[:] = [0.5, -1.0, 1.0, 0.0]
+    drive.own_rates[3] = 1.0
+    drive.advance(RATES, ALL, 0.01)
+    assert np.allclose(drive.setpoints, [5e-6, 2e-5, 3e-5, 5e-4])
+    # Of its largest rate half is left too.
+    drive.advance(np.full(4, 1e300), ALL, 1e-3)
+    assert np.allclose(drive.rates, [0.025, -0.05, 0.05, 0.05])
+
+
+def test_static_friction_holds_until_it_is_overcome():
+    drive = Servos(MIRROR, 0.0, 10.0, 1.05e-6)
+    rates = np.array([1e-4, -1e-4, 0.0, 1e-3])
+    places = []
+    for _ in range(15):
+        drive.advance(rates, ALL, 1e-3)
+        places.append(drive.setpoints.copy())
+    places = np.array(places)
+    assert not places[:10, :3].any()
+    # It then goes to where it should be, and sticks there.
+    assert np.allclose(places[-1], [1.1e-6, -1.1e-6, 0.0, 1.4e-5], atol=1e-12)
+    assert len(np.unique(places[:, 0])) == 2
+    drive.rest_at(0, 2e-5)
+    drive.advance(0.0 * rates, ALL, 1.0)
+    assert drive.setpoints[0] == 2e-5

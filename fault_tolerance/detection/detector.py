@@ -1,0 +1,303 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Finds failures that nobody reports, from readings and the commands between them.
+
+Deterministic: what it finds follows from stamps, readings, commands and configurations alone, so
+a recording gives what the live machine gave, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import log
+
+import numpy as np
+
+from fault_tolerance.detection.hypotheses import Hypothesis, Symptom, hypotheses
+from fault_tolerance.detection.noise import SMALLEST, SensorNoise
+from fault_tolerance.detection.probe import ProbeRecord
+from fault_tolerance.detection.responses import Sensors, responses
+from fault_tolerance.detection.separation import separated, separators
+from fault_tolerance.detection.setpoints import Setpoints
+from fault_tolerance.detection.sighting import Channels, Sighting
+from fault_tolerance.detection.suspicion import Suspicion, failures_assumed
+from fault_tolerance.kernel import evidence
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.rows import StrutRows
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+
+CYCLES = 3e9
+"""Readings without a false alarm, on average: a year at 100 a second."""
+
+LEAD = 7.0
+"""Logarithm of the odds by which a hypothesis must lead over all that it can be told from."""
+
+PATIENCE = 1_000_000_000
+"""Nanoseconds that a suspicion may take to narrow down."""
+
+LONGEST_GAP = 250_000_000
+"""Nanoseconds without a reading after which everything starts again: what happened is unknown."""
+
+REFRESH = 50
+"""Readings between two looks at whether the mechanism has moved away."""
+
+REACH = 0.02
+"""Characteristic lengths, and radians, for which the responses of one configuration serve."""
+
+
+class Detector:
+    """Compares what the sensors show with what each hypothesis would have them show.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    delay : float
+        Seconds from a command to its effect in the readings.
+    advance : callable
+        `fault_tolerance.kernel.evidence.advance`, or its compiled form.
+
+    Attributes
+    ----------
+    advance : callable
+        What advances the filters; may be exchanged for another form at any time.
+    suspicions : tuple of Suspicion
+        What has failed without a report, as it was found; until `forget`.
+    forming : Suspicion or None
+        What more readings may yet narrow down.
+    unexplained : int
+        How often readings have jumped in a way that nothing explains.
+    rows : StrutRows or None
+        Of the configuration that counts; None before there was any.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        delay: float = 0.0,
+        advance: Callable[..., float] = evidence.advance,
+    ) -> None:
+        self._mechanism, self.advance = mechanism, advance
+        self._scale = mechanism.rate_scale
+        self._setpoints = Setpoints(len(self._scale), round(1e9 * delay))
+        self._channels = Channels(mechanism)
+        count = self._channels.count
+        self._noise = SensorNoise(count, SMALLEST * mechanism.characteristic_length)
+        self._explained = np.zeros(count)
+        self._before = np.zeros(len(self._scale))
+        self._stamp: int | None = None
+        self._known = FailureSet()
+        self._place = np.eye(4)
+        self._since_refresh = 0
+        self._crossed: int | None = None
+        self._record: ProbeRecord | None = None
+        self._apart: BoolArray | None = None
+        self._onset, self._scores = np.zeros(0, np.int64), np.zeros(0)
+        self._travel = self._scores
+        self._start_filters((), np.zeros(count))
+        self.suspicions: tuple[Suspicion, ...] = ()
+        self.forming: Suspicion | None = None
+        self.unexplained = 0
+        self.rows: StrutRows | None = None
+
+    @property
+    def ready(self) -> bool:
+        """Whether failures would be noticed now: the encoders have proved themselves."""
+        return self._noise.ready and self.rows is not None
+
+    @property
+    def sensors(self) -> Sensors:
+        """Which sensors beside the encoders have proved themselves."""
+        return self._channels.proved(self._noise.deviation)
+
+    @property
+    def noise(self) -> FloatArray:
+        """Standard deviations (c,) of the channels, metres; 0 where one has not proved itself."""
+        return self._noise.deviation
+
+    @property
+    def known(self) -> FailureSet:
+        """The failures in force, and those found."""
+        return self._known
+
+    @property
+    def evidence(self) -> dict[Hypothesis, float]:
+        """Logarithm of the odds of every hypothesis against a healthy machine."""
+        return dict(zip(self._suspects, self._scores.tolist(), strict=True))
+
+    def command(self, stamp: int, rates: FloatArray) -> None:
+        """Take the rates sent at ``stamp``, ns: ``rates`` (N,) in the mechanism's units."""
+        self._setpoints.command(stamp, self._scale * rates)
+
+    def forget(self) -> None:
+        """Drop what has been found: the failures have been cleared."""
+        self.suspicions, self.forming, self.rows = (), None, None
+
+    def observe(
+        self,
+        sighting: Sighting,
+        failures: FailureSet,
+        pose: FloatArray,
+        rows: Callable[[], StrutRows],
+    ) -> None:
+        """Take one set of readings.
+
+        Parameters
+        ----------
+        sighting : Sighting
+        failures : FailureSet
+            Those in force.
+        pose : (4, 4) array
+            Where the platform is believed to be.
+        rows : callable
+            Returns the rows there; called when the responses have to be derived anew.
+        """
+        readings, stamp = self._channels.readings(sighting), sighting.stamp
+        if self._stamp is None or not 0 <= stamp - self._stamp <= LONGEST_GAP:
+            self._restart(readings)
+            self._stamp = stamp
+        self._since_refresh += 1
+        known = failures_assumed(self._mechanism, failures, self.suspicions)
+        if self.rows is None or (known is not self._known and known != self._known):
+            self._refresh(rows(), known, pose)
+            self._restart(readings)
+        elif self._since_refresh >= REFRESH:
+            self._since_refresh = 0
+            if self._is_far_from(pose):
+                self._refresh(rows(), known, pose)
+        moved = self._setpoints.moved(self._stamp, stamp)
+        expected = self._healthy @ moved
+        self._explained += expected
+        if self._record is not None:
+            self._record.add(readings, moved, expected)
+        heard = self._noise.ready
+        if self._noise.take(readings, self._explained):
+            self._explained[:] = 0.0
+            self._apart = None
+        if not heard:
+            self._start_filters(self._suspects, readings)
+        elif not self.is_blind:
+            self._weigh(readings, moved, stamp)
+        self._stamp, self._before = stamp, moved
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether something has been found that leaves no model to go on with."""
+        return any(
+            one.verdict.symptom.mode is None or not one.located for one in self.suspicions
+        )
+
+    def begin_probe(self) -> None:
+        """Record from the next readings on, until `end_probe`."""
+        self._record = ProbeRecord()
+
+    def drop_probe(self) -> None:
+        """Forget what `begin_probe` has recorded: the probe has ended early."""
+        self._record = None
+
+    def end_probe(self, stamp: int, strain: FloatArray) -> None:
+        """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns)."""
+        record, self._record = self._record, None
+        if record is not None and not self.is_blind:
+            odds = record.odds(self._responses, strain, self._noise.deviation)
+            self._scores = np.maximum(self._scores + odds - odds[0], 0.0)
+            self._decide(stamp)
+
+    def _weigh(self, readings: FloatArray, moved: FloatArray, stamp: int) -> None:
+        """Take the readings into the filters, and decide."""
+        off = self.advance(
+            self._responses.matrices, self._responses.drift, self._jumps, self._responses.load,
+            self._noise.deviation, moved, self._before, readings,
+            self._levels, self._variance, self._paces, self._scores,
+        )
+        self.unexplained += off > evidence.UNEXPLAINED
+        self._decide(stamp, float(np.abs(moved).sum()))
+
+    def _decide(self, stamp: int, travel: float = 0.0) -> None:
+        """Suspect what the evidence has convicted."""
+        resting = self._scores == 0.0
+        self._travel += travel
+        self._onset[resting], self._travel[resting] = stamp, 0.0
+        best = int(self._scores.argmax())
+        if self._scores[best] <= self._threshold:
+            self._crossed, self.forming = None, None
+            return
+        self._crossed = stamp if self._crossed is None else self._crossed
+        rivals = self._scores > self._scores[best] - LEAD
+        # What stands still is stuck, and no drive that runs away at no speed.
+        plain = rivals & ~self._runs_away
+        if plain.any():
+            best, rivals = int(np.where(plain, self._scores, -1.0).argmax()), plain
+        apart = self._separated()[best]
+        settled = not apart[rivals].any()
+        suspicion = self._suspicion(best, rivals, apart, settled)
+        if not (settled or suspicion.agreed or stamp - self._crossed > PATIENCE):
+            self.forming = suspicion
+            return
+        self.suspicions, self.forming = (*self.suspicions, suspicion), None
+
+    def _suspicion(
+        self, best: int, rivals: BoolArray, apart: BoolArray, settled: bool
+    ) -> Suspicion:
+        """Return what the evidence amounts to, with all that would look the same."""
+        chosen = rivals | (~apart if not self._responses.drift[best].any() else False)
+        order = [best, *(i for i in np.flatnonzero(chosen).tolist() if i not in (best, 0))]
+        candidates = tuple(self._suspects[i] for i in order)
+        assert self.rows is not None
+        return Suspicion(
+            candidates, float(self._scores[best]), int(self._onset[best]),
+            float(self._travel[best]), self._parts(candidates),
+            separators(self.rows, self._known, candidates, self.sensors, evidence.CROSS_SHARE),
+            settled,
+        )
+
+    def _parts(self, candidates: tuple[Hypothesis, ...]) -> tuple[str, ...]:
+        """Return the struts that hypotheses are about; actuators where there are no struts."""
+        struts = {one.name: one.strut or one.name for one in self._mechanism.actuators}
+        named = (name for one in candidates for name in (one.name, one.other) if name)
+        return tuple(dict.fromkeys(struts.get(name, name) for name in named))
+
+    def _refresh(self, rows: StrutRows, known: FailureSet, pose: FloatArray) -> None:
+        """Derive the responses anew."""
+        self.rows, self._place, self._since_refresh = rows, pose.copy(), 0
+        suspects = hypotheses(self._mechanism, known, tuple(Symptom))
+        self._known = known
+        self._responses = responses(rows, known, suspects, Sensors(True, True))
+        if suspects != self._suspects:
+            self._start_filters(suspects, np.zeros(self._channels.count))
+        self._healthy = self._responses.matrices[0]
+        self._jumps = self._channels.jumps(self._responses)
+        self._apart = None
+
+    def _separated(self) -> BoolArray:
+        """Return which hypotheses differ by more than the model may be wrong by."""
+        if self._apart is None:
+            heard = self._noise.deviation > 0.0
+            self._apart = separated(self._responses, heard, evidence.CROSS_SHARE)
+        return self._apart
+
+    def _start_filters(self, suspects: tuple[Hypothesis, ...], readings: FloatArray) -> None:
+        """Make filters for ``suspects`` that begin at ``readings``."""
+        count = len(suspects)
+        self._suspects = suspects
+        self._runs_away = np.array([one.symptom is Symptom.RUNAWAY for one in suspects], bool)
+        self._levels = np.tile(readings, (count, 1))
+        self._variance = self._noise.deviation**2
+        self._paces, self._scores, self._travel = np.zeros((3, count))
+        self._onset = np.zeros(count, np.int64)
+        self._threshold = log(max(count, 1) * CYCLES)
+        self._crossed = None
+
+    def _restart(self, readings: FloatArray) -> None:
+        """Begin at these readings, with no evidence for anything."""
+        self._start_filters(self._suspects, readings)
+        self._explained[:], self._before[:] = 0.0, 0.0
+        self._noise.restart()
+        self.forming = None
+
+    def _is_far_from(self, pose: FloatArray) -> bool:
+        """Return whether the responses are of another configuration."""
+        turned = np.abs(pose[:3, :3] - self._place[:3, :3]).max()
+        shifted = np.abs(pose[:3, 3] - self._place[:3, 3]).max()
+        return bool(max(turned, shifted / self._mechanism.characteristic_length) > REACH)

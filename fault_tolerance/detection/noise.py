@@ -1,0 +1,88 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How noisy the sensors are, learnt from what they read; and whether they read anything at all.
+
+A sensor may accuse only after it has proved itself: before it has been heard for a while, or where
+it never changes, nothing is concluded from it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from fault_tolerance.mechanism.arrays import FloatArray
+
+WINDOW = 64
+"""Readings from which noise is estimated at a time."""
+
+KEPT = 5
+"""Windows whose median counts: noise grows and falls slowly."""
+
+MARGIN = 1.3
+"""What is assumed, over what is found: an estimate that is too low would raise false alarms."""
+
+SMALLEST = 1e-9
+"""The least noise assumed, in characteristic lengths: rounding, and steps of the encoder."""
+
+
+class SensorNoise:
+    """Standard deviations of the channels of sensors.
+
+    Third differences of what motion does not explain are taken: the errors of a model that is a
+    little wrong change smoothly, noise does not.
+
+    Parameters
+    ----------
+    channels : int
+    smallest : float
+        Metres; the least standard deviation assumed.
+    """
+
+    def __init__(self, channels: int, smallest: float) -> None:
+        self._smallest = smallest
+        self._readings, self._explained = np.zeros((2, WINDOW, channels))
+        self._filled = 0
+        self._changed = np.zeros(channels, np.bool_)
+        self._found: list[FloatArray] = []
+        self.deviation = np.zeros(channels)
+        """(c,): metres; 0 where a channel has not proved itself."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether anything is known."""
+        return bool(self._found)
+
+    def restart(self) -> None:
+        """Begin a new window: the readings that follow do not continue the last ones."""
+        self._filled = 0
+
+    def take(self, readings: FloatArray, explained: FloatArray) -> bool:
+        """Take one set of readings; return whether the deviations are new.
+
+        Parameters
+        ----------
+        readings, explained : (c,) arrays
+            Metres: what was read, NaN where there is nothing; and the motion that a healthy
+            machine has made since the first reading of the window.
+
+        Returns
+        -------
+        bool
+        """
+        self._readings[self._filled], self._explained[self._filled] = readings, explained
+        self._filled += 1
+        if self._filled < WINDOW:
+            return False
+        self._filled = 0
+        self._changed |= (self._readings != self._readings[0]).any(axis=0)
+        third = np.abs(np.diff(self._readings - self._explained, 3, axis=0))
+        # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.
+        found = np.median(third, axis=0) / (0.6745 * sqrt(20.0))
+        self._found = [*self._found[1 - KEPT :], found]
+        typical = np.median(self._found, axis=0)
+        proved = self._changed & np.isfinite(typical)
+        self.deviation = np.where(proved, np.maximum(MARGIN * typical, self._smallest), 0.0)
+        return True

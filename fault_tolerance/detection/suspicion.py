@@ -1,0 +1,151 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the evidence says: hypotheses that explain the readings, and what would separate them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
+from fault_tolerance.kinematics.failures import FailureMode, FailureSet, failure_set
+from fault_tolerance.mechanism.arrays import decimal
+from fault_tolerance.mechanism.description import Mechanism
+
+DETECTION = 'fault_tolerance: detection'
+"""Who says so, in reports."""
+
+_SENTENCES = {
+    Symptom.STUCK: 'is stuck',
+    Symptom.FREE: 'holds nothing',
+    Symptom.LOST: 'is off the platform',
+    Symptom.FROZEN: 'has an encoder that repeats itself',
+    Symptom.BIASED: 'has an encoder that has jumped',
+    Symptom.WEAK: 'moves less than it is told',
+    Symptom.REVERSED: 'moves the wrong way',
+    Symptom.RUNAWAY: 'moves by itself',
+    Symptom.SWAPPED: 'gets the commands of',
+}
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """Something has failed without a report.
+
+    Attributes
+    ----------
+    candidates : tuple of Hypothesis
+        Those that explain the readings about equally well, the likeliest first.
+    log_odds : float
+        Natural logarithm of the odds of the likeliest one against a healthy machine.
+    onset : int
+        When it began, nanoseconds of the stamps of the readings.
+    travel : float
+        How far the setpoints were commanded since then, metres.
+    parts : tuple of str
+        The struts the candidates are about; actuators where there are no struts.
+    would_separate : tuple of str
+        What would tell the candidates apart: probe, efforts, pose, load.
+    settled : bool
+        Whether more readings of the same kind will not narrow it down any further.
+    """
+
+    candidates: tuple[Hypothesis, ...]
+    log_odds: float
+    onset: int
+    travel: float
+    parts: tuple[str, ...] = ()
+    would_separate: tuple[str, ...] = ()
+    settled: bool = True
+
+    @property
+    def name(self) -> str:
+        """The actuator or strut of the likeliest candidate."""
+        return self.verdict.name
+
+    @property
+    def verdict(self) -> Hypothesis:
+        """The candidate to act on: the worst of them, the likeliest among equals."""
+        return max(self.candidates, key=_severity)
+
+    @property
+    def mode(self) -> str:
+        """The failure mode to report; a word that is no mode where only a stop helps."""
+        mode = self.verdict.symptom.mode
+        return mode.value if mode is not None else self.verdict.symptom.value
+
+    @property
+    def agreed(self) -> bool:
+        """Whether all candidates lead to the same report."""
+        return len({(one.symptom.mode, one.name) for one in self.candidates}) == 1
+
+    @property
+    def located(self) -> bool:
+        """Whether all candidates are about one part, so that leaving it alone serves all of them.
+
+        Where one of several struts has been lost, the commands of the healthy machine serve
+        whichever it is; to leave alone the wrong one would take a second one away.
+        """
+        return len(self.parts) == 1
+
+    def moves_though_stuck(self, failures: FailureSet) -> bool:
+        """Return whether it is a drive that moves although ``failures`` say that it is stuck."""
+        return self.verdict.symptom is Symptom.RUNAWAY and self.name in failures.stuck
+
+    def asks_to_act(self, failures: FailureSet) -> bool:
+        """Return whether it can be handled as if it had been reported, beside ``failures``."""
+        return self.located and not self.moves_though_stuck(failures)
+
+    def values(self, *, acting: bool, settled: bool = True) -> dict[str, str]:
+        """Return what a diagnostic status says about it, texts by key.
+
+        With ``acting`` what is ``settled`` and located carries a failure mode as a report does.
+        """
+        acted = acting and settled and self.located
+        return {
+            'failure_mode' if acted else 'suspected_mode': self.mode,
+            'candidates': ','.join(map(str, self.candidates)),
+            'log_odds': decimal(self.log_odds),
+            'onset': f'{self.onset // 10**9}.{self.onset % 10**9:09d}',
+            'travel': decimal(self.travel),
+            'would_separate': ', '.join(self.would_separate),
+        }
+
+    def __str__(self) -> str:
+        """Return a sentence."""
+        first = self.candidates[0]
+        text = f'{first.name} {_SENTENCES[first.symptom]}'
+        text += f' {first.other}' if first.other else ''
+        others = ', '.join(str(one) for one in self.candidates[1:])
+        return f'{text}, or {others}' if others else text
+
+
+def _severity(suspect: Hypothesis) -> int:
+    if suspect == HEALTHY:
+        return -1
+    mode = suspect.symptom.mode
+    return mode.severity if mode is not None else len(FailureMode)
+
+
+def failures_assumed(
+    mechanism: Mechanism, failures: FailureSet, suspicions: Iterable[Suspicion]
+) -> FailureSet:
+    """Return the failures of ``mechanism`` in force, and those that are suspected.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    failures : FailureSet
+    suspicions : iterable of Suspicion
+        Those of which there is no model, or that are about several parts, add nothing.
+
+    Returns
+    -------
+    FailureSet
+    """
+    verdicts = [one.verdict for one in suspicions if one.located]
+    further = [(one.symptom.mode, one.name) for one in verdicts if one.symptom.mode is not None]
+    if not further:
+        return failures
+    return failure_set(mechanism, [*failures.failures, *further])

@@ -1,0 +1,238 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detection in the controller node: what it hears, and what it tells.
+
+It works on what goes over the topics, stamps included, so a recording of them gives the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from fault_tolerance.analysis.topics import PROBE
+from fault_tolerance.closed_loop import detected
+from fault_tolerance.control.failure_reports import ERROR, WARN
+from fault_tolerance.control.joint_states import JointStateReader
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.control.state_machine import MOVING
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.detection.monitor import Monitor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
+from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.detection.suspicion import DETECTION, Suspicion
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.rows import strut_rows
+from fault_tolerance.mechanism.arrays import FloatArray, decimal
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.messages import (
+    FAILURE_MODE_KEY,
+    diagnostics_to_msg,
+    pose_from_msg,
+    status_to_msg,
+)
+from fault_tolerance.nodes.parameters import settings_from
+from fault_tolerance.nodes.timeline import TimeLine
+
+PERIOD = 1.0
+"""Seconds between two publications of what is suspected."""
+
+
+class SilentFailures:
+    """Feeds a `Monitor`, publishes its suspicions, and answers ``~/probe``.
+
+    Parameters
+    ----------
+    node : Node
+    supervisor : Supervisor
+        Whose readings and commands are listened to.
+    values : dict
+        The parameters of the node by name.
+    prefix : str
+        Begins the hardware ids, if there is one.
+    timeline : TimeLine
+    health : Health
+        Counts and logs what contradicts reports.
+    cycle : callable
+        Publishes a command at once; called with the present (seconds).
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        supervisor: Supervisor,
+        values: dict[str, Any],
+        prefix: str,
+        timeline: TimeLine,
+        health: Health,
+        cycle: Callable[[float], None],
+    ) -> None:
+        self._node, self._supervisor, self._timeline = node, supervisor, timeline
+        self._health, self._cycle = health, cycle
+        self._mechanism = mechanism = supervisor.mechanism
+        settings, pose_topic = monitor_settings(values), values['pose_topic']
+        self._clock = node.get_clock()
+        self._prefix = f'{prefix}/' if prefix else ''
+        self._joints = JointStateReader(mechanism)
+        self.monitor = Monitor(mechanism, settings)
+        self._listening = settings.detect != 'off'
+        self._pose: FloatArray | None = None
+        self._failures = FailureSet()
+        self._acted: set[Suspicion] = set()
+        self._waiting: list[tuple[Trigger.Response, Any]] = []
+        self._commands = node.create_publisher(JointState, '~/joint_commands', 10)
+        self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._service = node.create_service(Trigger, '~/probe', self._probe)
+        # The answer is sent when the probe is over, so not when the callback returns.
+        self._answer = self._service.send_response
+        self._service.send_response = self._answer_later
+        if pose_topic:
+            node.create_subscription(
+                PoseStamped, pose_topic, self._on_pose, qos_profile_sensor_data
+            )
+        node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
+        """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
+
+        ``answered`` (N,) are the readings they answer, from home; None: something else.
+        """
+        now = self._clock.now()
+        self.monitor.detector.command(now.nanoseconds, rates)
+        if self._commands.get_subscription_count():
+            message = JointState(name=list(self._mechanism.joint_state_names))
+            message.header.stamp = now.to_msg()
+            message.header.frame_id = PROBE if self.monitor.straining else ''
+            if answered is not None:
+                message.position = self._mechanism.readings_from_values(answered).tolist()
+            message.velocity = self._mechanism.rates_from_readings(rates).tolist()
+            self._commands.publish(message)
+
+    def observe(self, message: JointState) -> None:
+        """Take a joint state, after the command that answers it.
+
+        Parameters
+        ----------
+        message : JointState
+        """
+        if not self._listening:
+            return
+        output = self._supervisor.output
+        self.monitor.detector.advance = self._supervisor.kernel.advance
+        estimate, monitor = output.estimate, self.monitor
+        sighting = Sighting(
+            self._nanoseconds(message.header.stamp), estimate.readings,
+            self._joints.efforts(message.name, message.effort), self._pose,
+        )
+        self._pose, self._failures = None, output.failures
+        found = monitor.observe(
+            sighting, output.failures, estimate.pose,
+            lambda: strut_rows(estimate.configuration), output.state in MOVING,
+        )
+        if found:
+            suspicion = monitor.detector.suspicions[-1]
+            self._node.get_logger().warning(f'detection: {suspicion}')
+            if suspicion.moves_though_stuck(output.failures):
+                text = f'{suspicion.name}: reported stuck, but moving'
+                self._health.warn(Notice('inconsistent', text, rejected=False))
+            if monitor.acts:
+                self._act(suspicion)
+            self._publish()
+        if self._waiting and not monitor.probing:
+            self._tell()
+        self._supervisor.move_beside(monitor.rates)
+
+    def _act(self, suspicion: Suspicion) -> None:
+        """Handle what has been found as any report."""
+        now = self._timeline.now()
+        self._acted = self._acted.intersection(self.monitor.detector.suspicions) | {suspicion}
+        if self._supervisor.reports([detected(suspicion, now)], now):
+            self._cycle(now)
+            self._health.count('reconfigurations')
+
+    def values(self) -> dict[str, str]:
+        """Return what belongs into the metrics.
+
+        Returns
+        -------
+        dict
+            Texts by key.
+        """
+        monitor = self.monitor
+        suspicions = monitor.detector.suspicions
+        passive = monitor.isolability(False) if self._listening else None
+        alike = [group for group in passive.classes if len(group) > 1] if passive else []
+        since = monitor.latent_since_probe
+        return {
+            'inconsistent': ', '.join(
+                one.name for one in suspicions if one.moves_though_stuck(self._failures)
+            ),
+            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
+            'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
+            'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
+            'latent_since_probe': decimal(since) if isfinite(since) else '',
+            'internal_force': decimal(monitor.internal_force)
+            if isfinite(monitor.internal_force) else '',
+        }
+
+    def _nanoseconds(self, stamp: Time) -> int:
+        if stamp.sec or stamp.nanosec:
+            return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+        return int(self._clock.now().nanoseconds)
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        try:
+            self._pose = pose_from_msg(message)
+        except ValueError:
+            self._pose = None
+
+    def _probe(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.monitor.probing:
+            response.message = self.monitor.request_probe()
+        return response
+
+    def _answer_later(self, response: Trigger.Response, header: object) -> None:
+        if response.message:
+            self._answer(response, header)
+        else:
+            self._waiting.append((response, header))
+
+    def _tell(self) -> None:
+        """Answer those who wait for a probe."""
+        waiting, self._waiting = self._waiting, []
+        for response, header in waiting:
+            response.success, response.message = True, self.monitor.finding
+            self._answer(response, header)
+
+    def _publish(self) -> None:
+        """Publish every suspicion, and what is about to become one."""
+        detector = self.monitor.detector
+        found = [self._status(one) for one in detector.suspicions]
+        if detector.forming is not None:
+            found.append(self._status(detector.forming))
+        if found:
+            self._diagnostics.publish(diagnostics_to_msg(self._clock.now().to_msg(), found))
+
+    def _status(self, suspicion: Suspicion) -> Any:
+        # What is not acted on must not look like a report: others may listen.
+        values = suspicion.values(acting=suspicion in self._acted)
+        return status_to_msg(
+            DETECTION, f'{self._prefix}{suspicion.name}',
+            ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,
+        )
+
+
+def monitor_settings(values: dict[str, Any]) -> MonitorSettings:
+    """Return the settings of detection among the parameters' ``values``; ValueError if wrong."""
+    return MonitorSettings(**settings_from(MonitorSettings, values))
