@@ -192,14 +192,13 @@ class Detector:
         """Record from the next readings on, until `end_probe`."""
         self._record = ProbeRecord()
 
-    def drop_probe(self) -> None:
-        """Forget what `begin_probe` has recorded: the probe has ended early."""
-        self._record = None
+    def end_probe(self, stamp: int, strain: FloatArray | None) -> None:
+        """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns).
 
-    def end_probe(self, stamp: int, strain: FloatArray) -> None:
-        """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns)."""
+        Without a ``strain`` the probe has ended early, and shows nothing.
+        """
         record, self._record = self._record, None
-        if record is not None and not self.is_blind:
+        if record is not None and strain is not None and not self.is_blind:
             odds = record.odds(self._responses, strain, self._noise.deviation)
             self._scores = np.maximum(self._scores + odds - odds[0], 0.0)
             self._decide(stamp)

@@ -250,10 +250,7 @@ class Monitor:
         assert self._probe is not None
         if disturbed or self._probe.over:
             self._probed = self._stamp
-            if disturbed:
-                self.detector.drop_probe()
-            else:
-                self.detector.end_probe(self._stamp, self._probe.directions)
+            self.detector.end_probe(self._stamp, None if disturbed else self._probe.directions)
             self.finding = self._outcome(disturbed)
             self._probe, self.rates = None, None
             return
