@@ -193,10 +193,7 @@ class Detector:
         self._record = ProbeRecord()
 
     def end_probe(self, stamp: int, strain: FloatArray | None) -> None:
-        """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns).
-
-        Without a ``strain`` the probe has ended early, and shows nothing.
-        """
+        """Take what a probe along ``strain`` (N, r; None: it has ended early) has shown."""
         record, self._record = self._record, None
         if record is not None and strain is not None and not self.is_blind:
             odds = record.odds(self._responses, strain, self._noise.deviation)
