@@ -193,7 +193,7 @@ class Detector:
         self._record = ProbeRecord()
 
     def end_probe(self, stamp: int, strain: FloatArray | None) -> None:
-        """Take what a probe along ``strain`` (N, r; None: ended early) has shown, ``stamp`` in ns."""
+        """Take what a probe along ``strain`` (N, r; None: it ended early) shows, ``stamp`` ns."""
         record, self._record = self._record, None
         if record is not None and strain is not None and not self.is_blind:
             odds = record.odds(self._responses, strain, self._noise.deviation)
