@@ -192,9 +192,10 @@ def _uncertainty(
     The motion that is expected may be wrong by a share, and may come a cycle late. A channel that
     has not been read keeps a weight of zero, and its variance grows.
     """
-    largest = 0.0
+    largest, sudden = 0.0, 0.0
     for j in range(len(moved)):
         largest = max(largest, abs(moved[j]))
+        sudden = max(sudden, abs(moved[j] - before[j]))
     used = 0.0
     drives = len(moved)
     for c in range(len(noise)):
@@ -207,7 +208,8 @@ def _uncertainty(
         if drives <= c < 2 * drives:  # an effort: it answers to all setpoints, and cancels
             motion = largest
         wrong = MODEL_SHARE * max(abs(motion), abs(moved[c]) if c < drives else 0.0)
-        wrong = max(wrong, CROSS_SHARE * largest)
+        # Lags of the drives: any joint may answer to a sudden motion where something has failed.
+        wrong = max(wrong, CROSS_SHARE * largest, MODEL_SHARE * sudden)
         rest = NOISE_SHARE * noise[c]
         predicted = variance[c] + rest * rest + wrong * wrong + change * change
         if readings[c] != readings[c]:
