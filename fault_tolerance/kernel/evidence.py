@@ -50,7 +50,7 @@ FASTEST_DRIFT = 10.0
 SMALLEST_DRIFT = 20.0
 """The same over the sensor noise, at rest."""
 
-LEAST_COST = 0.7
+LEAST_COST = 1.5
 """Evidence that an unknown motion costs at least: errors of the model that last must not add up
 to one."""
 

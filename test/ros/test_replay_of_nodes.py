@@ -97,7 +97,8 @@ def test_a_recording_gives_what_the_live_detection_said(start, rig, tmp_path, ca
     rig.wait(lambda: len(said()) > 1, 'the finding')
     count = len(rig.commands)
     rig.wait(lambda: len(rig.commands) > count + 50, 'more')
-    live = said()[-1]
+    # Where nothing is done about one, others may follow.
+    live = {status.hardware_id: values_of(status) for status in said()}
     bag = tmp_path / 'bag' / 'run.mcap'
     write_bag(bag, recorder.samples)
 
@@ -105,8 +106,8 @@ def test_a_recording_gives_what_the_live_detection_said(start, rig, tmp_path, ca
     assert main(['detect', str(bag), '--json']) == 0
     found = json.loads(capsys.readouterr().out)
     print(found)
-    assert found['findings'] == [{'hardware_id': live.hardware_id, **values_of(live)}]
-    assert found['findings'][0]['hardware_id'] == f'{NAMESPACE}/theta_4'
+    assert {one.pop('hardware_id'): one for one in found['findings']} == live
+    assert f'{NAMESPACE}/theta_4' in live
     assert found['probes'] == 1
     assert not any('not identical' in remark for remark in found['remarks'])
     assert (tmp_path / 'bag' / 'detection.png').exists()
