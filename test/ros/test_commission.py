@@ -87,7 +87,6 @@ def test_a_right_file(simulator, probe):
 
 
 @pytest.mark.slow
-@pytest.mark.timed
 def test_a_wrong_order(simulator, tmp_path):
     simulator('mirror_3_strut')
     file = file_of(tmp_path, 'mirror_3_strut', first='actuators: [theta_2, theta_3, theta_1]\n')
@@ -98,9 +97,6 @@ def test_a_wrong_order(simulator, tmp_path):
     assert (found['entry'], found['probable']) == ('actuators', ['theta_1', 'theta_2', 'theta_3'])
     assert report['stopped'] is None
     assert len(report['motions']) == 3
-
-
-@pytest.mark.slow
 
 
 def test_wrong_names_are_listed_and_nothing_moves(simulator, probe, tmp_path):
