@@ -52,26 +52,33 @@ if TYPE_CHECKING:
     from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
     from fault_tolerance.control.settings import Settings
     from fault_tolerance.control.supervisor import Supervisor
+    from fault_tolerance.detection.isolability import Isolability, isolability
+    from fault_tolerance.detection.monitor_settings import MonitorSettings
+    from fault_tolerance.detection.responses import Sensors
 
 __all__ = [
     'ArrayError', 'ClosedLoop', 'ClosureError', 'Configuration', 'EngineError', 'Failure',
-    'FailureError', 'FailureMode', 'FailureSet', 'FaultToleranceError', 'LoopSettings',
-    'Mechanism', 'MechanismError', 'PostFailure', 'ResolvedRate', 'Settings', 'Supervisor',
-    'Verdict', 'after', 'best_conversion', 'evenly_spaced_mirror', 'failure_set',
-    'fitted_configuration', 'home_configuration', 'mechanism_from_file', 'mechanism_from_text',
-    'mechanism_named', 'mechanism_path', 'next_failure', 'pair_measures',
-    'posed_configuration', 'position_measure_by_theorem_2', 'present_measures', 'reconfigured',
-    'resolved_rate', 'shipped_names', 'solved_configuration', 'strut_rows',
-    'torque_measure_by_theorem_4',
+    'FailureError', 'FailureMode', 'FailureSet', 'FaultToleranceError', 'Isolability',
+    'LoopSettings', 'Mechanism', 'MechanismError', 'MonitorSettings', 'PostFailure',
+    'ResolvedRate', 'Sensors', 'Settings', 'Supervisor', 'Verdict', 'after', 'best_conversion',
+    'evenly_spaced_mirror', 'failure_set', 'fitted_configuration', 'home_configuration',
+    'isolability', 'mechanism_from_file', 'mechanism_from_text', 'mechanism_named',
+    'mechanism_path', 'next_failure', 'pair_measures', 'posed_configuration',
+    'position_measure_by_theorem_2', 'present_measures', 'reconfigured', 'resolved_rate',
+    'shipped_names', 'solved_configuration', 'strut_rows', 'torque_measure_by_theorem_4',
 ]
 
 # Control and simulation take as long to import as all the rest: only where they are used.
 _LAZY = {
     'ClosedLoop': 'closed_loop',
+    'Isolability': 'detection.isolability',
     'LoopSettings': 'closed_loop',
+    'MonitorSettings': 'detection.monitor_settings',
     'ResolvedRate': 'control.resolved_rate',
+    'Sensors': 'detection.responses',
     'Settings': 'control.settings',
     'Supervisor': 'control.supervisor',
+    'isolability': 'detection.isolability',
     'resolved_rate': 'control.resolved_rate',
 }
 

@@ -20,7 +20,6 @@ from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.detection.forms import best_advance
 from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
@@ -141,7 +140,7 @@ class ClosedLoop:
         self._reference = reference or Circle()
         self.plant = plant or plant_named(chosen.engine, mechanism, chosen.plant, chosen.seed)
         self.supervisor = Supervisor(mechanism, chosen.control)
-        self.monitor = Monitor(mechanism, chosen.monitor, best_advance())
+        self.monitor = Monitor(mechanism, chosen.monitor, self.supervisor.kernel.advance)
         self._book = FaultBook()
         self._now = 0.0
 

@@ -245,6 +245,8 @@ class Result:
 def main(arguments: list[str]) -> int:
     """Run everything, sum it up as pytest does, and return an exit code."""
     begin = time.monotonic()
+    # What has been started is ended at either signal.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     # Compiled once, and not by every test that starts a node.
     subprocess.run([sys.executable, '-m', 'fault_tolerance.kernel'], cwd=HERE.parent,
                    check=False)

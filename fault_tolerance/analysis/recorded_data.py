@@ -54,6 +54,15 @@ class Health(NamedTuple):
     failures: tuple[str, ...]
 
 
+class Verdict(NamedTuple):
+    """What the metrics say of a mechanism; ``suspected`` is what nobody has reported."""
+
+    mechanism: str
+    state: str
+    failures: tuple[str, ...]
+    suspected: str
+
+
 class Found(NamedTuple):
     """What detection said at a time (s): ``mode`` and ``name``, and whether it was acted on.
 
@@ -141,7 +150,7 @@ def _recording(
         return tuple(Text(since(one.time), one.content.data) for one in heard[topic])
 
     overall = [
-        (since(message.time), status)
+        (since(message.time), verdict_of(status))
         for message in heard[topics.METRICS] for status in message.content.status
         if status.name == _MECHANISM_STATUS
     ]
@@ -150,7 +159,7 @@ def _recording(
     named = tuple(one.label for one in labels[-1].content.layout.dim) if labels else ()
     names = named or (tuple(joints[-1].content.name) if joints else ())
     return Recording(
-        mechanism=str(overall[-1][1].hardware_id).rpartition('/')[2] if overall else '',
+        mechanism=overall[-1][1].mechanism if overall else '',
         actuators=names,
         error=pairs(topics.POINTING_ERROR),
         reference=pairs(topics.POINTING_REFERENCE),
@@ -158,7 +167,7 @@ def _recording(
             [(since(one.time), one.content.data) for one in heard[topics.COMMANDS]], len(names)
         ),
         setpoints=series_of(
-            [(stamped(one), one.content.velocity) for one in heard[topics.NAMED_COMMANDS]],
+            [(stamped(one), one.content.velocity) for one in heard[topics.JOINT_COMMANDS]],
             len(names),
         ),
         efforts=series_of(
@@ -166,7 +175,7 @@ def _recording(
         ),
         scalars={name: scalar(name) for name in topics.SCALARS},
         states=texts(topics.STATE),
-        healths=tuple(_health(time, status) for time, status in overall),
+        healths=tuple(Health(time, one.state, one.failures) for time, one in overall),
         phases=texts(topics.PHASE),
         found=found,
         end=since(last),
@@ -218,7 +227,19 @@ def _in_order(joint_state: Any, names: Sequence[str]) -> Sequence[float]:
     return [efforts[found.index(name)] for name in names]
 
 
-def _health(time: float, status: Any) -> Health:
+def verdict_of(status: Any) -> Verdict:
+    """Return what the ``status`` of the mechanism in the metrics says."""
     values = {pair.key: pair.value for pair in status.values}
     failures = values.get('failures', '')
-    return Health(time, values.get('state', ''), tuple(failures.split(', ')) if failures else ())
+    return Verdict(
+        str(status.hardware_id).rpartition('/')[2], values.get('state', ''),
+        tuple(failures.split(', ')) if failures else (), values.get('suspected', ''),
+    )
+
+
+def verdict_in(metrics: Any) -> Verdict | None:
+    """Return what a message of ``metrics`` says of the mechanism; None if it does not."""
+    for status in metrics.status:
+        if status.name == _MECHANISM_STATUS:
+            return verdict_of(status)
+    return None

@@ -13,7 +13,7 @@ SCALARS = (
 
 JOINT_STATES = 'joint_states'
 COMMANDS = 'velocity_controller/commands'
-NAMED_COMMANDS = 'fault_tolerance/joint_commands'
+JOINT_COMMANDS = 'fault_tolerance/joint_commands'
 STATE = 'fault_tolerance/state'
 METRICS = 'fault_tolerance/metrics'
 POINTING_ERROR = 'pointing/error'
@@ -21,10 +21,13 @@ POINTING_REFERENCE = 'pointing/reference'
 PHASE = 'operator/phase'
 DIAGNOSTICS = '/diagnostics'
 
+PROBE = 'probe'
+"""The frame of joint commands that contain a probe."""
+
 RECORDED = {
     JOINT_STATES: 'sensor_msgs/msg/JointState',
     COMMANDS: 'std_msgs/msg/Float64MultiArray',
-    NAMED_COMMANDS: 'sensor_msgs/msg/JointState',
+    JOINT_COMMANDS: 'sensor_msgs/msg/JointState',
     STATE: 'std_msgs/msg/String',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
@@ -45,7 +48,7 @@ RECORDED = {
 """Types by name; a name that does not begin with a slash is relative to the robot's namespace."""
 
 _READ = (
-    *(JOINT_STATES, COMMANDS, NAMED_COMMANDS, STATE, METRICS),
+    *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, METRICS),
     *(POINTING_ERROR, POINTING_REFERENCE, PHASE),
     *(f'{METRICS}/{name}' for name in (*SCALARS, 'position')),
 )

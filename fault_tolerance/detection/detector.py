@@ -14,15 +14,15 @@ from math import log
 
 import numpy as np
 
-from fault_tolerance.detection import bank
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom, hypotheses
-from fault_tolerance.detection.isolability import separated, separators
 from fault_tolerance.detection.noise import SMALLEST, SensorNoise
 from fault_tolerance.detection.probe import ProbeRecord
 from fault_tolerance.detection.responses import Sensors, responses
+from fault_tolerance.detection.separation import separated, separators
 from fault_tolerance.detection.setpoints import Setpoints
 from fault_tolerance.detection.sighting import Channels, Sighting
 from fault_tolerance.detection.suspicion import Suspicion, failures_assumed
+from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
@@ -56,10 +56,12 @@ class Detector:
     delay : float
         Seconds from a command to its effect in the readings.
     advance : callable
-        `bank.advance`, or its compiled form.
+        `fault_tolerance.kernel.evidence.advance`, or its compiled form.
 
     Attributes
     ----------
+    advance : callable
+        What advances the filters; may be exchanged for another form at any time.
     suspicions : tuple of Suspicion
         What has failed without a report, as it was found; until `forget`.
     forming : Suspicion or None
@@ -74,9 +76,9 @@ class Detector:
         self,
         mechanism: Mechanism,
         delay: float = 0.0,
-        advance: Callable[..., float] = bank.advance,
+        advance: Callable[..., float] = evidence.advance,
     ) -> None:
-        self._mechanism, self._advance = mechanism, advance
+        self._mechanism, self.advance = mechanism, advance
         self._scale = mechanism.rate_scale
         self._setpoints = Setpoints(len(self._scale), round(1e9 * delay))
         self._channels = Channels(mechanism)
@@ -90,6 +92,7 @@ class Detector:
         self._since_refresh = 0
         self._crossed: int | None = None
         self._record: ProbeRecord | None = None
+        self._apart: BoolArray | None = None
         self._onset, self._scores = np.zeros(0, np.int64), np.zeros(0)
         self._travel = self._scores
         self._start_filters((), np.zeros(count))
@@ -156,7 +159,7 @@ class Detector:
             self._stamp = stamp
         self._since_refresh += 1
         known = failures_assumed(self._mechanism, failures, self.suspicions)
-        if self.rows is None or known != self._known:
+        if self.rows is None or (known is not self._known and known != self._known):
             self._refresh(rows(), known, pose)
             self._restart(readings)
         elif self._since_refresh >= REFRESH:
@@ -164,13 +167,14 @@ class Detector:
             if self._is_far_from(pose):
                 self._refresh(rows(), known, pose)
         moved = self._setpoints.moved(self._stamp, stamp)
-        self._explained += self._responses.matrices[0] @ moved
+        expected = self._healthy @ moved
+        self._explained += expected
         if self._record is not None:
-            self._record.add(readings, moved, self._responses.matrices[0] @ moved)
+            self._record.add(readings, moved, expected)
         heard = self._noise.ready
         if self._noise.take(readings, self._explained):
             self._explained[:] = 0.0
-            self._apart = self._separated()
+            self._apart = None
         if not heard:
             self._start_filters(self._suspects, readings)
         elif not self.is_blind:
@@ -188,6 +192,10 @@ class Detector:
         """Record from the next readings on, until `end_probe`."""
         self._record = ProbeRecord()
 
+    def drop_probe(self) -> None:
+        """Forget what `begin_probe` has recorded: the probe has ended early."""
+        self._record = None
+
     def end_probe(self, stamp: int, strain: FloatArray) -> None:
         """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns)."""
         record, self._record = self._record, None
@@ -198,21 +206,21 @@ class Detector:
 
     def _weigh(self, readings: FloatArray, moved: FloatArray, stamp: int) -> None:
         """Take the readings into the filters, and decide."""
-        off = self._advance(
+        off = self.advance(
             self._responses.matrices, self._responses.drift, self._jumps, self._responses.load,
             self._noise.deviation, moved, self._before, readings,
             self._levels, self._variance, self._paces, self._scores,
         )
-        self.unexplained += off > bank.UNEXPLAINED
+        self.unexplained += off > evidence.UNEXPLAINED
         self._decide(stamp, float(np.abs(moved).sum()))
 
     def _decide(self, stamp: int, travel: float = 0.0) -> None:
         """Suspect what the evidence has convicted."""
-        rising = self._scores > 0.0
-        self._onset = np.where(rising, self._onset, stamp)
-        self._travel = np.where(rising, self._travel + travel, 0.0)
+        resting = self._scores == 0.0
+        self._travel += travel
+        self._onset[resting], self._travel[resting] = stamp, 0.0
         best = int(self._scores.argmax())
-        if self._scores[best] <= log(len(self._suspects) * CYCLES):
+        if self._scores[best] <= self._threshold:
             self._crossed, self.forming = None, None
             return
         self._crossed = stamp if self._crossed is None else self._crossed
@@ -221,23 +229,26 @@ class Detector:
         plain = rivals & ~self._runs_away
         if plain.any():
             best, rivals = int(np.where(plain, self._scores, -1.0).argmax()), plain
-        settled = not self._apart[best, rivals].any()
-        suspicion = self._suspicion(best, rivals, settled)
+        apart = self._separated()[best]
+        settled = not apart[rivals].any()
+        suspicion = self._suspicion(best, rivals, apart, settled)
         if not (settled or suspicion.agreed or stamp - self._crossed > PATIENCE):
             self.forming = suspicion
             return
         self.suspicions, self.forming = (*self.suspicions, suspicion), None
 
-    def _suspicion(self, best: int, rivals: BoolArray, settled: bool) -> Suspicion:
+    def _suspicion(
+        self, best: int, rivals: BoolArray, apart: BoolArray, settled: bool
+    ) -> Suspicion:
         """Return what the evidence amounts to, with all that would look the same."""
-        chosen = rivals | (~self._apart[best] if not self._responses.drift[best].any() else False)
+        chosen = rivals | (~apart if not self._responses.drift[best].any() else False)
         order = [best, *(i for i in np.flatnonzero(chosen).tolist() if i not in (best, 0))]
         candidates = tuple(self._suspects[i] for i in order)
         assert self.rows is not None
         return Suspicion(
             candidates, float(self._scores[best]), int(self._onset[best]),
             float(self._travel[best]), self._parts(candidates),
-            separators(self.rows, self._known, candidates, self.sensors, bank.CROSS_SHARE),
+            separators(self.rows, self._known, candidates, self.sensors, evidence.CROSS_SHARE),
             settled,
         )
 
@@ -255,12 +266,16 @@ class Detector:
         self._responses = responses(rows, known, suspects, Sensors(True, True))
         if suspects != self._suspects:
             self._start_filters(suspects, np.zeros(self._channels.count))
+        self._healthy = self._responses.matrices[0]
         self._jumps = self._channels.jumps(self._responses)
-        self._apart = self._separated()
+        self._apart = None
 
     def _separated(self) -> BoolArray:
         """Return which hypotheses differ by more than the model may be wrong by."""
-        return separated(self._responses, self._noise.deviation > 0.0, bank.CROSS_SHARE)
+        if self._apart is None:
+            heard = self._noise.deviation > 0.0
+            self._apart = separated(self._responses, heard, evidence.CROSS_SHARE)
+        return self._apart
 
     def _start_filters(self, suspects: tuple[Hypothesis, ...], readings: FloatArray) -> None:
         """Make filters for ``suspects`` that begin at ``readings``."""
@@ -271,6 +286,7 @@ class Detector:
         self._variance = self._noise.deviation**2
         self._paces, self._scores, self._travel = np.zeros((3, count))
         self._onset = np.zeros(count, np.int64)
+        self._threshold = log(max(count, 1) * CYCLES)
         self._crossed = None
 
     def _restart(self, readings: FloatArray) -> None:

@@ -90,6 +90,10 @@ class Hypothesis:
             return str(self.symptom.value)
         return f'{self.symptom.value}:{self.name}' + (f'+{self.other}' if self.other else '')
 
+    def __repr__(self) -> str:
+        """Return it in one line."""
+        return f'Hypothesis({self})'
+
 
 HEALTHY = Hypothesis(Symptom.HEALTHY)
 

@@ -9,32 +9,28 @@ rates in directions that do not move a healthy platform.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from math import inf
 
 import numpy as np
 
-from fault_tolerance.detection import bank
 from fault_tolerance.detection.detector import Detector
 from fault_tolerance.detection.hypotheses import HEALTHY
 from fault_tolerance.detection.isolability import Isolability, isolability
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
+from fault_tolerance.detection.relief import Relief
 from fault_tolerance.detection.self_stress import SelfStress
 from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
-RELIEF_GAIN = 5.0
-"""1/s: how fast strain is led back."""
-
-RELIEF_SPEED = 1e-3
-"""Characteristic lengths per second; the drives do not relieve strain faster."""
-
-RELIEF_NOISE = 10.0
-"""Strains below so many times the noise of the encoders are left alone."""
+RELIEF_EVERY = 10
+"""Readings from one look at the strain to the next."""
 
 
 class Monitor:
@@ -45,7 +41,7 @@ class Monitor:
     mechanism : Mechanism
     settings : MonitorSettings, optional
     advance : callable
-        `bank.advance`, or its compiled form.
+        `fault_tolerance.kernel.evidence.advance`, or its compiled form.
 
     Attributes
     ----------
@@ -54,8 +50,6 @@ class Monitor:
     rates : (N,) array or None
         What the drives are to do beside the task until the next readings, in the mechanism's
         units; None: nothing.
-    internal_force : float
-        The largest force of the drives against each other, N; NaN where no efforts show it.
     finding : str
         What the last probe found; empty before there was one.
     """
@@ -64,7 +58,7 @@ class Monitor:
         self,
         mechanism: Mechanism,
         settings: MonitorSettings | None = None,
-        advance: Callable[..., float] = bank.advance,
+        advance: Callable[..., float] = evidence.advance,
     ) -> None:
         self.settings = settings or MonitorSettings()
         self.detector = Detector(mechanism, self.settings.command_delay, advance)
@@ -72,20 +66,31 @@ class Monitor:
         self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
         self._failures = FailureSet()
         self._probe: Probe | None = None
-        self._disturbed = False
-        self._periods: list[float] = []
+        self._wanted = False
+        self._relief = Relief(mechanism, self.settings.relief)
+        self._periods: deque[float] = deque(maxlen=SAMPLES)
         self._stamp = 0
+        self._readings = 0
         self._probed = 0
         self._moving = False
         self._values = np.full(len(mechanism.actuators), np.nan)
         self._isolability: dict[bool, tuple[object, Isolability]] = {}
         self.rates: FloatArray | None = None
-        self.internal_force = np.nan
         self.finding = ''
 
     @property
+    def internal_force(self) -> float:
+        """The largest force of the drives against each other, N; NaN where no efforts show it."""
+        return self._relief.internal_force
+
+    @property
     def probing(self) -> bool:
-        """Whether a probe is under way."""
+        """Whether a probe is under way, or about to begin."""
+        return self.straining or self._wanted
+
+    @property
+    def straining(self) -> bool:
+        """Whether the next command contains a probe."""
         return self._probe is not None
 
     @property
@@ -93,8 +98,7 @@ class Monitor:
         """Whether what was found last is to be handled as if it had been reported."""
         if self.settings.detect != 'act' or not self.detector.suspicions:
             return False
-        last = self.detector.suspicions[-1]
-        return last.located and not last.moves_though_stuck(self._failures)
+        return self.detector.suspicions[-1].asks_to_act(self._failures)
 
     def forget(self) -> None:
         """Drop what has been found: the failures have been cleared."""
@@ -137,32 +141,24 @@ class Monitor:
         elif self._is_due(sighting.stamp):
             self._start()
         found = len(self.detector.suspicions) > before
-        self._disturbed = self._disturbed or failures != self._failures
+        self._relief.disturbed |= failures != self._failures
         self._failures = failures
-        if self._probe is None:
+        self._readings += 1
+        if not moving:
+            self.rates = None
+        if self._probe is None and (self._readings % RELIEF_EVERY == 0 or changed or found):
             relieved = moving and not (changed or found)
             self.rates = self._relieving(sighting) if relieved else None
         return found
 
     def request_probe(self) -> str:
-        """Start a probing sequence; return why it cannot be, empty if it has begun.
-
-        Returns
-        -------
-        str
-        """
+        """Let a probe begin with the next readings; return why not, empty if it will."""
         refusal = self.refusal()
-        if not refusal:
-            self._start()
+        self._wanted = not refusal
         return refusal
 
     def refusal(self) -> str:
-        """Return why nothing can be probed now; empty if it can.
-
-        Returns
-        -------
-        str
-        """
+        """Return why nothing can be probed now; empty if it can."""
         detector, mechanism = self.detector, self._mechanism
         if self.settings.detect == 'off':
             return 'detection is off'
@@ -205,7 +201,7 @@ class Monitor:
         if probe not in self._isolability or self._isolability[probe][0] != key:
             found = isolability(
                 detector.rows, detector.known, sensors=detector.sensors, probe=probe,
-                least=bank.CROSS_SHARE,
+                least=evidence.CROSS_SHARE,
             )
             self._isolability[probe] = key, found
         return self._isolability[probe][1]
@@ -220,14 +216,20 @@ class Monitor:
         gap = 1e-9 * (stamp - self._stamp)
         self._gap = gap
         if 0.0 < gap < 1.0:
-            self._periods = [*self._periods[1 - SAMPLES :], gap]
+            self._periods.append(gap)
         if not self._probed or stamp < self._probed:
             self._probed = stamp
         self._stamp = stamp
 
     def _is_due(self, stamp: int) -> bool:
         period = self.settings.probe_period
-        return period > 0.0 and stamp - self._probed > 1e9 * period and not self.refusal()
+        if not self._wanted and not 0.0 < 1e9 * period < stamp - self._probed:
+            return False
+        refusal = self.refusal()
+        if refusal and self._wanted:
+            self.finding = refusal
+        self._wanted = False
+        return not refusal
 
     def _start(self) -> None:
         stress = self._self_stress()
@@ -248,7 +250,9 @@ class Monitor:
         assert self._probe is not None
         if disturbed or self._probe.over:
             self._probed = self._stamp
-            if not disturbed:
+            if disturbed:
+                self.detector.drop_probe()
+            else:
                 self.detector.end_probe(self._stamp, self._probe.directions)
             self.finding = self._outcome(disturbed)
             self._probe, self.rates = None, None
@@ -280,20 +284,10 @@ class Monitor:
     def _relieving(self, sighting: Sighting) -> FloatArray | None:
         """Return rates that lead strain back, if a change has left any."""
         if sighting.efforts is None or not self.detector.sensors.efforts:
-            self.internal_force = np.nan
+            self._relief.internal_force = np.nan
             return None
-        stress = self._self_stress()
-        strain = stress.strain(np.nan_to_num(sighting.efforts))
-        self.internal_force = stress.force(strain)
-        size = float(np.abs(strain).max(initial=0.0))
-        least = RELIEF_NOISE * float(self.detector.noise[: len(self._values)].max())
-        if not (self._disturbed and self.settings.relief and size > least):
-            self._disturbed = self._disturbed and size > least
-            return None
-        rates = RELIEF_GAIN * stress.relieving(strain)
-        fastest = float(np.abs(self._mechanism.rate_scale * rates).max())
-        limit = RELIEF_SPEED * self._mechanism.characteristic_length
-        return rates * min(1.0, limit / fastest) if fastest > 0.0 else None
+        noise = float(self.detector.noise[: len(self._values)].max())
+        return self._relief.rates(self._self_stress(), sighting.efforts, noise)
 
     def _self_stress(self) -> SelfStress:
         rows, known = self.detector.rows, self.detector.known

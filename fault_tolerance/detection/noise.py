@@ -43,9 +43,8 @@ class SensorNoise:
 
     def __init__(self, channels: int, smallest: float) -> None:
         self._smallest = smallest
-        self._rest = np.zeros((WINDOW, channels))
+        self._readings, self._explained = np.zeros((2, WINDOW, channels))
         self._filled = 0
-        self._first = np.zeros(channels)
         self._changed = np.zeros(channels, np.bool_)
         self._found: list[FloatArray] = []
         self.deviation = np.zeros(channels)
@@ -73,15 +72,13 @@ class SensorNoise:
         -------
         bool
         """
-        if self._filled == 0:
-            self._first = readings.copy()
-        self._changed |= readings != self._first
-        self._rest[self._filled] = readings - explained
+        self._readings[self._filled], self._explained[self._filled] = readings, explained
         self._filled += 1
         if self._filled < WINDOW:
             return False
         self._filled = 0
-        third = np.abs(np.diff(self._rest, 3, axis=0))
+        self._changed |= (self._readings != self._readings[0]).any(axis=0)
+        third = np.abs(np.diff(self._readings - self._explained, 3, axis=0))
         # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.
         found = np.median(third, axis=0) / (0.6745 * sqrt(20.0))
         self._found = [*self._found[1 - KEPT :], found]

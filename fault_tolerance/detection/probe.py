@@ -122,7 +122,7 @@ class ProbeRecord:
         self._explained: list[FloatArray] = []
 
     def add(self, readings: FloatArray, moved: FloatArray, explained: FloatArray) -> None:
-        """Take ``readings`` (c,), what moved the setpoints (N,), and a healthy answer (c,)."""
+        """Take ``readings`` (c,), what ``moved`` (N,), what a healthy machine ``explained``."""
         self._strange.append(readings)
         self._moved.append(moved)
         self._explained.append(explained)

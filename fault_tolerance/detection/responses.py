@@ -106,7 +106,8 @@ def responses(
     ])
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
     yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
-    load = range_basis(yields * balances.setdefault(failures, _balance(rows, failures)).joints)
+    healthy = balances.setdefault(failures, _balance(rows, failures))
+    load = np.ascontiguousarray(range_basis(yields * healthy.joints))
     return Responses(
         tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
     )

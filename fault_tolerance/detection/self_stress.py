@@ -9,8 +9,8 @@ from math import inf
 
 import numpy as np
 
-from fault_tolerance.detection.isolability import self_stress
 from fault_tolerance.detection.responses import relative_stiffness
+from fault_tolerance.detection.separation import self_stress
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows

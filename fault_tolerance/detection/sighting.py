@@ -83,7 +83,7 @@ class Channels:
         return Sensors(bool(heard[count : 2 * count].any()), bool(heard[2 * count :].all()))
 
     def jumps(self, found: Responses) -> FloatArray:
-        """Return by how many metres a channel may have jumped under each hypothesis (h,).
+        """Return by how many metres a channel may have jumped, (h,): by hypothesis of ``found``.
 
         Only readings that the other encoders check; elsewhere a jump of the reading cannot be
         told from one of the machine.

@@ -30,6 +30,7 @@ from fault_tolerance.kernel import (
     commanding,
     elimination,
     estimation,
+    evidence,
     factorisation,
     law,
     margins,
@@ -40,7 +41,7 @@ from fault_tolerance.kernel import (
 
 MODULES: tuple[ModuleType, ...] = (
     factorisation, model, placement, elimination, motions, closing, margins, law,
-    estimation, commanding,
+    estimation, commanding, evidence,
 )
 """Every module of the kernel after those it imports."""
 
@@ -58,8 +59,8 @@ class Kernel:
 
     Attributes
     ----------
-    estimate, command, measures : callable
-        See `fault_tolerance.kernel.estimation` and `commanding`.
+    estimate, command, measures, advance : callable
+        See `fault_tolerance.kernel.estimation`, `commanding` and `evidence`.
     compiled : bool
         Whether they are machine code.
     reason : str
@@ -69,6 +70,7 @@ class Kernel:
     estimate: Callable[..., None]
     command: Callable[..., None]
     measures: Callable[..., None]
+    advance: Callable[..., float]
     compiled: bool
     reason: str = ''
 
@@ -82,7 +84,8 @@ def python_kernel(reason: str = '') -> Kernel:
         Why it is not compiled.
     """
     return Kernel(
-        estimation.estimate, commanding.command, estimation.measures, False, reason
+        estimation.estimate, commanding.command, estimation.measures, evidence.advance, False,
+        reason,
     )
 
 
@@ -140,11 +143,11 @@ def compiled_kernel() -> Kernel:
             if isinstance(value, FunctionType) and value in made
         })
     kinds = _kinds(numba.types)
-    estimate, command, measures = (
+    estimate, command, measures, advance = (
         _cached(numba, copies[one], tuple(kinds[kind] for kind in signature))
         for one, signature in _SIGNATURES.items()
     )
-    return Kernel(estimate, command, measures, True)
+    return Kernel(estimate, command, measures, advance, True)
 
 
 def is_wanted() -> bool:
@@ -195,6 +198,10 @@ _SIGNATURES: dict[Any, tuple[str, ...]] = {
         'counts', 'numbers', 'given', 'given', 'given', 'given', 'number', 'flag', 'numbers',
     ),
     estimation.measures: ('counts', 'numbers', 'given', 'numbers'),
+    evidence.advance: (
+        'given tables', 'given table', 'given', 'given table', 'given', 'given', 'given',
+        'given', 'table', 'numbers', 'numbers', 'numbers',
+    ),
 }
 """What the entry points take. Compiled for these types at once, nothing is left for later."""
 
@@ -205,6 +212,9 @@ def _kinds(types: Any) -> dict[str, Any]:
         'counts': types.Array(types.int64, 1, 'C'),
         'numbers': types.Array(types.float64, 1, 'C'),
         'given': types.Array(types.float64, 1, 'C', readonly=True),
+        'table': types.Array(types.float64, 2, 'C'),
+        'given table': types.Array(types.float64, 2, 'C', readonly=True),
+        'given tables': types.Array(types.float64, 3, 'C', readonly=True),
         'number': types.float64,
         'flag': types.boolean,
     }

@@ -15,18 +15,16 @@ import os
 import signal
 import sys
 import time
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
 
-from fault_tolerance.control.failure_reports import Report
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.command_publisher import CommandPublisher
 from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
@@ -37,7 +35,7 @@ from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.report_subscriber import Batch, ReportSubscriber
 from fault_tolerance.nodes.scheduling import set_realtime_priority
 from fault_tolerance.nodes.services import OperatorServices
-from fault_tolerance.nodes.silent_failures import SilentFailures
+from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settings
 from fault_tolerance.nodes.spinning import Deferred, run
 from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
@@ -68,14 +66,14 @@ class Controller(Node):
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
         self._commands = CommandPublisher(self, mechanism, frame, timeline)
         shared = timeline, self._health
-        self._silent = SilentFailures(
-            self, mechanism, MonitorSettings(**settings_from(MonitorSettings, values)),
-            values['pose_topic'], prefix, self._health, self._on_found,
-        )
+        self._silent = SilentFailures(self, supervisor, values, prefix, *shared, self._cycle)
         self._status = StatusPublisher(
             self, supervisor, prefix, self.deferred, self._silent.values
         )
-        self._inputs = InputSubscriber(self, supervisor, frame, *shared, self._on_joint_state)
+        self._inputs = InputSubscriber(
+            self, supervisor, frame, *shared, partial(self._cycle, answers=True),
+            self._silent.observe,
+        )
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
         )
@@ -89,14 +87,15 @@ class Controller(Node):
         if startup.remark:
             self.get_logger().warning(startup.remark)
 
-    def _cycle(self, now: float) -> None:
-        """Compute and publish one command."""
+    def _cycle(self, now: float, *, answers: bool = False) -> None:
+        """Compute and publish one command; say whether it ``answers`` a joint state."""
         output = self._supervisor.step(now)
         self._commands.publish(output.command.rates, output.command.twist)
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
-        self._silent.command(output.command.rates)
+        answered = output.estimate.readings if answers else None
+        self._silent.command(output.command.rates, answered)
         for notice in self._supervisor.watch():
             self._health.warn(notice)
         self._publish_later(output, now)
@@ -113,18 +112,6 @@ class Controller(Node):
         if now >= self._collection_due:
             self._collection_due = now + COLLECTION_PERIOD
             self.deferred.add(gc.collect)
-
-    def _on_joint_state(self, message: JointState, now: float) -> None:
-        self._cycle(now)
-        beside = self._silent.observe(message, self._supervisor.output)
-        self._supervisor.move_beside(beside)
-
-    def _on_found(self, report: Report) -> None:
-        """Handle a failure that detection has found as any report."""
-        now = self._timeline.now()
-        if self._supervisor.reports([report._replace(stamp=now)], now):
-            self._cycle(now)
-            self._health.count('reconfigurations')
 
     def _on_reports(self, batch: Batch) -> None:
         now = self._timeline.now()
@@ -154,12 +141,7 @@ class Controller(Node):
         late, self._ticked = now - self._ticked, now
         if late > STALL:
             self._health.count('stalls')
-        kernel = self._startup.take()
-        if kernel is not None:
-            self._supervisor.kernel = kernel
-            gc.freeze()  # what numba has brought need not be collected
-            tell = self.get_logger().warning if kernel.reason else self.get_logger().info
-            tell(f'kernel: {kernel.reason or "compiled"}')
+        self._startup.exchange(self._supervisor, self.get_logger())
         self._reports.read()
         # After a late tick, read pending messages before declaring inputs stale.
         self._excused = late > LATE and not self._excused
@@ -187,7 +169,7 @@ class Controller(Node):
 
 
 def _settings(values: dict[str, Any]) -> Settings:
-    MonitorSettings(**settings_from(MonitorSettings, values))
+    monitor_settings(values)
     return Settings(**settings_from(Settings, values), clock=time.perf_counter)
 
 

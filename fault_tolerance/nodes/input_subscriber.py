@@ -37,7 +37,9 @@ class InputSubscriber:
     health : Health
         Counts and logs rejected messages.
     cycle : callable
-        Called with a joint state that was accepted, and the present (seconds).
+        Called with the present (seconds) when a joint state was accepted.
+    listen : callable
+        Called with that joint state after it.
     """
 
     def __init__(
@@ -47,7 +49,8 @@ class InputSubscriber:
         base_frame: str,
         timeline: TimeLine,
         health: Health,
-        cycle: Callable[[JointState, float], None],
+        cycle: Callable[[float], None],
+        listen: Callable[[JointState], None],
     ) -> None:
         task = supervisor.mechanism.task
         self._node = node
@@ -58,7 +61,7 @@ class InputSubscriber:
         self._base_frame = base_frame
         self._timeline = timeline
         self._health = health
-        self._cycle = cycle
+        self._cycle, self._listen = cycle, listen
         self._joint_states = node.create_subscription(
             JointState, 'joint_states', self.on_joint_state, _NEWEST
         )
@@ -81,7 +84,8 @@ class InputSubscriber:
             stamp = self._timeline.monotonic(message.header.stamp)
             notice = self._supervisor.joint_reading(values, now, stamp)
             if notice is None:
-                self._cycle(message, now)
+                self._cycle(now)
+                self._listen(message)
             if stamp is None:
                 self._warn_of_no_stamp('joint_state')
         self._health.warn(notice)

@@ -9,6 +9,7 @@ another process compiles it. Compiling in a thread would stall the node's callba
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -17,6 +18,9 @@ from shutil import rmtree
 from tempfile import mkdtemp
 from threading import Thread
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.kernel.compilation import (
     Kernel,
     best_kernel,
@@ -64,10 +68,18 @@ class KernelStartup:
             return
         Thread(target=self._wait, args=(self._process,), daemon=True).start()
 
-    def take(self) -> Kernel | None:
-        """Return the kernel to go on with, once, as soon as it is ready; else None."""
-        ready, self._ready = self._ready, None
-        return ready
+    def exchange(self, supervisor: Supervisor, logger: RcutilsLogger) -> None:
+        """Give the kernel to go on with to ``supervisor``, once, as soon as it is ready.
+
+        The ``logger`` tells which it is.
+        """
+        kernel, self._ready = self._ready, None
+        if kernel is None:
+            return
+        supervisor.kernel = kernel
+        gc.freeze()  # what numba has brought need not be collected
+        tell = logger.warning if kernel.reason else logger.info
+        tell(f'kernel: {kernel.reason or "compiled"}')
 
     def end(self) -> None:
         """End the process that compiles, if it still runs."""

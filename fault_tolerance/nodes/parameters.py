@@ -81,6 +81,11 @@ class Parameter:
             descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
         return descriptor
 
+    def understood(self, value: object) -> object:
+        """Return ``value`` as it was meant: YAML reads the words on and off as true and false."""
+        word = {False: 'off', True: 'on'}.get(value, '') if isinstance(value, bool) else ''
+        return word if word in self.choices else value
+
     def checked(self, value: object) -> Value:
         """Return ``value``, of the type of the default.
 
@@ -124,13 +129,6 @@ def given_values(node: Node) -> dict[str, Any]:
     return {name: parameter.value for name, parameter in overrides.items()}
 
 
-def _call_it_off(node: Node, name: str) -> str:
-    """Return ``off``, and make it the value: YAML takes the bare word for a boolean."""
-    overrides = getattr(node, '_parameter_overrides', {})
-    overrides[name] = NodeParameter(name, value='off')
-    return 'off'
-
-
 def declared_values(
     node: Node,
     table: Sequence[Parameter],
@@ -144,18 +142,18 @@ def declared_values(
     of rclpy, that names the parameter whose value is invalid.
     """
     known = {entry.name: entry for entry in table}
-    for name, value in given_values(node).items():
+    given = given_values(node)
+    for name, value in given.items():
         if name in known:
-            if value is False and 'off' in known[name].choices:
-                value = _call_it_off(node, name)
-            known[name].checked(value)
+            known[name].checked(known[name].understood(value))
         elif not name.startswith((*_ELSEWHERE, *elsewhere)):
             # Not an error: a file for all nodes may hold parameters of others.
             node.get_logger().warning(f'unknown parameter {name}: ignored')
     values = {
-        entry.name: entry.checked(
-            node.declare_parameter(entry.name, entry.default, entry.descriptor).value
-        )
+        entry.name: entry.checked(node.declare_parameter(
+            entry.name, entry.understood(given.get(entry.name, entry.default)), entry.descriptor,
+            ignore_override=True,
+        ).value)
         for entry in table
     }
     if check is not None:

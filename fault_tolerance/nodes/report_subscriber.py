@@ -14,6 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from fault_tolerance.control.failure_reports import Report, report_of
 from fault_tolerance.control.notices import Notice
+from fault_tolerance.detection.suspicion import DETECTION
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.diagnostics_queue import DiagnosticsQueue
 from fault_tolerance.nodes.health import Health
@@ -86,8 +87,9 @@ class ReportSubscriber:
     def _batch(self, message: StampedModes) -> Batch:
         seconds = self._timeline.monotonic(message)
         stamp = message if seconds is not None else self._timeline.stamp()
+        # What the controller has found itself it knows already.
         found = (report_of(*mode, seconds, prefix=self._prefix, names=self._names)
-                 for mode in message.modes)
+                 for mode in message.modes if mode[0] != DETECTION)
         reports = [report for report in found if report is not None]
         return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')
 

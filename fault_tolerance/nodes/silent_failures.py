@@ -21,31 +21,29 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from fault_tolerance.analysis.topics import PROBE
 from fault_tolerance.closed_loop import detected
-from fault_tolerance.control.failure_reports import ERROR, WARN, Report
+from fault_tolerance.control.failure_reports import ERROR, WARN
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.notices import Notice
-from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import MOVING
-from fault_tolerance.detection.forms import best_advance
+from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.arrays import FloatArray, decimal
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (
-    decimal,
+    FAILURE_MODE_KEY,
     diagnostics_to_msg,
     pose_from_msg,
     status_to_msg,
 )
-
-PROBE = 'probe'
-"""The frame of commands that contain a probe, for those who replay a recording."""
+from fault_tolerance.nodes.parameters import settings_from
+from fault_tolerance.nodes.timeline import TimeLine
 
 PERIOD = 1.0
 """Seconds between two publications of what is suspected."""
@@ -57,34 +55,37 @@ class SilentFailures:
     Parameters
     ----------
     node : Node
-    mechanism : Mechanism
-    settings : MonitorSettings
-    pose_topic : str
-        Of a pose sensor; empty: there is none.
+    supervisor : Supervisor
+        Whose readings and commands are listened to.
+    values : dict
+        The parameters of the node by name.
     prefix : str
         Begins the hardware ids, if there is one.
+    timeline : TimeLine
     health : Health
         Counts and logs what contradicts reports.
-    report : callable
-        Called with the `Report` of what is found, if it is to be acted on.
+    cycle : callable
+        Publishes a command at once; called with the present (seconds).
     """
 
     def __init__(
         self,
         node: Node,
-        mechanism: Mechanism,
-        settings: MonitorSettings,
-        pose_topic: str,
+        supervisor: Supervisor,
+        values: dict[str, Any],
         prefix: str,
+        timeline: TimeLine,
         health: Health,
-        report: Callable[[Report], None],
+        cycle: Callable[[float], None],
     ) -> None:
-        self._node, self._mechanism, self._report = node, mechanism, report
-        self._health = health
+        self._node, self._supervisor, self._timeline = node, supervisor, timeline
+        self._health, self._cycle = health, cycle
+        self._mechanism = mechanism = supervisor.mechanism
+        settings, pose_topic = monitor_settings(values), values['pose_topic']
         self._clock = node.get_clock()
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
-        self.monitor = Monitor(mechanism, settings, best_advance())
+        self.monitor = Monitor(mechanism, settings)
         self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
@@ -102,33 +103,33 @@ class SilentFailures:
             )
         node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def command(self, rates: FloatArray) -> None:
-        """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named."""
+    def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
+        """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
+
+        ``answered`` (N,) are the readings they answer, from home; None: something else.
+        """
         now = self._clock.now()
         self.monitor.detector.command(now.nanoseconds, rates)
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
-            message.header.frame_id = PROBE if self.monitor.probing else ''
+            message.header.frame_id = PROBE if self.monitor.straining else ''
+            if answered is not None:
+                message.position = self._mechanism.readings_from_values(answered).tolist()
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
             self._commands.publish(message)
 
-    def observe(self, message: JointState, output: Output) -> FloatArray | None:
+    def observe(self, message: JointState) -> None:
         """Take a joint state, after the command that answers it.
 
         Parameters
         ----------
         message : JointState
-        output : Output
-            Of the step that the message has led to.
-
-        Returns
-        -------
-        (N,) array or None
-            Rates to add to the next command.
         """
         if not self._listening:
-            return None
+            return
+        output = self._supervisor.output
+        self.monitor.detector.advance = self._supervisor.kernel.advance
         estimate, monitor = output.estimate, self.monitor
         sighting = Sighting(
             self._nanoseconds(message.header.stamp), estimate.readings,
@@ -146,12 +147,19 @@ class SilentFailures:
                 text = f'{suspicion.name}: reported stuck, but moving'
                 self._health.warn(Notice('inconsistent', text, rejected=False))
             if monitor.acts:
-                self._acted = self._acted.intersection(monitor.detector.suspicions) | {suspicion}
-                self._report(detected(suspicion, output.command.time))
+                self._act(suspicion)
             self._publish()
         if self._waiting and not monitor.probing:
             self._tell()
-        return monitor.rates
+        self._supervisor.move_beside(monitor.rates)
+
+    def _act(self, suspicion: Suspicion) -> None:
+        """Handle what has been found as any report."""
+        now = self._timeline.now()
+        self._acted = self._acted.intersection(self.monitor.detector.suspicions) | {suspicion}
+        if self._supervisor.reports([detected(suspicion, now)], now):
+            self._cycle(now)
+            self._health.count('reconfigurations')
 
     def values(self) -> dict[str, str]:
         """Return what belongs into the metrics.
@@ -217,17 +225,14 @@ class SilentFailures:
             self._diagnostics.publish(diagnostics_to_msg(self._clock.now().to_msg(), found))
 
     def _status(self, suspicion: Suspicion) -> Any:
-        # The controller hears its own reports: only what it acts on may be one.
-        acted = suspicion in self._acted
+        # What is not acted on must not look like a report: others may listen.
+        values = suspicion.values(acting=suspicion in self._acted)
         return status_to_msg(
-            DETECTION, f'{self._prefix}{suspicion.name}', ERROR if acted else WARN,
-            str(suspicion),
-            {
-                'failure_mode' if acted else 'suspected_mode': suspicion.mode,
-                'candidates': ','.join(map(str, suspicion.candidates)),
-                'log_odds': decimal(suspicion.log_odds),
-                'onset': f'{suspicion.onset // 10**9}.{suspicion.onset % 10**9:09d}',
-                'travel': decimal(suspicion.travel),
-                'would_separate': ', '.join(suspicion.would_separate),
-            },
+            DETECTION, f'{self._prefix}{suspicion.name}',
+            ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,
         )
+
+
+def monitor_settings(values: dict[str, Any]) -> MonitorSettings:
+    """Return the settings of detection among the parameters' ``values``; ValueError if wrong."""
+    return MonitorSettings(**settings_from(MonitorSettings, values))

@@ -1,6 +1,6 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
-"""Failures that nobody reports, in closed loop: controller, detection and simulated machine."""
+"""Failures that nobody reports, in the closed loop: controller, detection, simulated machine."""
 
 from __future__ import annotations
 

@@ -140,13 +140,13 @@ def advance(
         best = min(best, misfit[h])
     fit = np.zeros(drives)
     beside = _load_step(load, weight, readings, expected[0], fit)
-    if min(best, beside) > UNEXPLAINED * used:
+    best = min(best, beside) / max(used, 1.0)
+    if best > UNEXPLAINED:
         for c in range(channels):
             if weight[c] > 0.0:
                 variance[c] = noise[c] * noise[c]
-                for h in range(count):
-                    levels[h, c] = readings[c]
-        return min(best, beside) / used
+                levels[:, c] = readings[c]
+        return best
     cost = AFTERSHOCK if paces[0] > 0.0 else LOAD_STEP
     stepped = -0.5 * beside - cost > odds[0]
     paces[0] = SHAKING if stepped else max(paces[0] - 1.0, 0.0)
@@ -161,15 +161,20 @@ def advance(
             levels[h, c] = expected[h, c]
             if weight[c] > 0.0:
                 levels[h, c] += gain[c] * (readings[c] - expected[h, c])
+    _add_up(odds, levels, scores)
+    return best
+
+
+def _add_up(odds: FloatArray, levels: FloatArray, scores: FloatArray) -> None:
+    """Add the evidence of one cycle; where nothing is left, start from the healthy filter."""
     highest = odds.max()
-    for h in range(1, count):
+    for h in range(1, len(odds)):
         # Capped against the healthy machine, but still ranked among each other.
         step = min(highest - odds[0], MOST_PER_CYCLE) - min(highest - odds[h], MOST_PER_CYCLE)
         scores[h] = max(scores[h] + step, 0.0)
         if scores[h] == 0.0:
-            for c in range(channels):
+            for c in range(levels.shape[1]):
                 levels[h, c] = levels[0, c]
-    return min(best, beside) / max(used, 1.0)
 
 
 def _uncertainty(

@@ -1,0 +1,159 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""By how much hypotheses differ in what the sensors show, and what would tell them apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
+from fault_tolerance.detection.responses import Responses, Sensors, responses
+from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.reconfiguration import reconfigured
+from fault_tolerance.kinematics.rows import StrutRows
+from fault_tolerance.kinematics.subspaces import null_space
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
+
+
+def task_motions(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
+    """Return an orthonormal basis (N, n) of the commands that move the platform, in metres.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    kinematics : DifferentialKinematics
+        Of these rows, failures included.
+
+    Returns
+    -------
+    (N, n) array
+    """
+    scaled = rows.rate_scale[:, None] * kinematics.mapping
+    return frozen(np.linalg.qr(scaled)[0]) if scaled.shape[1] else scaled
+
+
+def self_stress(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
+    """Return an orthonormal basis (N, r) of the commands that only strain the mechanism.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    kinematics : DifferentialKinematics
+        Of these rows, failures included.
+
+    Returns
+    -------
+    (N, r) array
+        Metres; zero rows for the drives that have failed. W^T of docs/detection.md.
+    """
+    motions, active = task_motions(rows, kinematics), kinematics.active
+    result = np.zeros((len(active), int(active.sum()) - motions.shape[1]))
+    result[active] = null_space(motions[active].T, 1.0)
+    return frozen(result)
+
+
+def separations(found: Responses, commanded: FloatArray) -> FloatArray:
+    """Return the largest difference of what the sensors show, per pair of hypotheses.
+
+    Parameters
+    ----------
+    found : Responses
+    commanded : (N, u) array
+        Orthonormal motions of the setpoints, metres.
+
+    Returns
+    -------
+    (h, h) array
+        Spectral norm, m/m.
+    """
+    return _largest_differences(found.matrices @ commanded)
+
+
+def _largest_differences(shown: FloatArray) -> FloatArray:
+    """Return the spectral norm of the difference of every two of the matrices (h, c, u)."""
+    size = len(shown)
+    result = np.zeros((size, size))
+    for first in range(size - 1):
+        norms = np.linalg.norm(shown[first + 1 :] - shown[first], 2, axis=(1, 2))
+        result[first, first + 1 :] = result[first + 1 :, first] = norms
+    return frozen(result)
+
+
+def separated(found: Responses, heard: BoolArray, least: float) -> BoolArray:
+    """Return which hypotheses (h, h) can be told apart by some motion of the setpoints.
+
+    Parameters
+    ----------
+    found : Responses
+    heard : (c,) array of bool
+        The channels that count.
+    least : float
+        Separation, m/m, that counts.
+
+    Returns
+    -------
+    (h, h) array of bool
+        What nothing holds may drift as any other hypothesis would have it move. A drive that runs
+        away and a reading that jumps do not imitate anything.
+    """
+    matrices = found.matrices[:, heard]
+    apart = _largest_differences(matrices) > least
+    for place, suspect in enumerate(found.hypotheses):
+        drift = found.drift[place, heard]
+        if suspect.symptom in (Symptom.RUNAWAY, Symptom.BIASED):
+            apart[place] = apart[:, place] = True
+            apart[place, place] = False
+        elif drift.any():
+            direction = drift / np.linalg.norm(drift)
+            differences = matrices - matrices[place]
+            along = np.einsum('c,hcj->hj', direction, differences)
+            across = differences - direction[:, None] * along[:, None]
+            like = np.linalg.norm(across, axis=(1, 2)) <= least
+            apart[place, like] = apart[like, place] = False
+    return apart
+
+
+def separators(
+    rows: StrutRows,
+    failures: FailureSet,
+    suspects: tuple[Hypothesis, ...],
+    sensors: Sensors,
+    least: float,
+) -> tuple[str, ...]:
+    """Return what would tell some of the hypotheses apart that the sensors do not.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    failures : FailureSet
+        What is known to have failed.
+    suspects : tuple of Hypothesis
+    sensors : Sensors
+        Those there are.
+    least : float
+        Separation, m/m, that counts.
+
+    Returns
+    -------
+    tuple of str
+        Of probe, efforts, pose and load.
+    """
+    if len(suspects) < 2:
+        return ()
+    motions = task_motions(rows, reconfigured(rows, failures).present)
+    everything = np.eye(len(motions))
+
+    def apart(with_sensors: Sensors, commanded: FloatArray) -> int:
+        found = responses(rows, failures, suspects, with_sensors)
+        return int((separations(found, commanded) > least).sum())
+
+    found, probed = apart(sensors, motions), apart(sensors, everything)
+    options = {
+        'probe': probed > found,
+        'efforts': apart(sensors._replace(efforts=True), everything) > probed,
+        'pose': apart(sensors._replace(pose=True), everything) > probed,
+        'load': any(one.symptom in (Symptom.FREE, Symptom.LOST) for one in suspects),
+    }
+    return tuple(name for name, helps in options.items() if helps)
