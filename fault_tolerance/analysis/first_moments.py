@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from fault_tolerance.analysis.delays import commanded_after
 from fault_tolerance.analysis.line_styles import LABELS, STYLES, VERMILION
@@ -69,6 +70,11 @@ def draw_first_moments(axes: Axes, run: Run, index: int) -> None:
         label=f'named: {1e3 * found.time:.0f} ms',
     )
     axes.set_yscale('log')
+    axes.yaxis.set_major_locator(LogLocator(numticks=20))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    low, high = np.log10(axes.get_ylim())
+    # Whole decades, so that there are numbers at the axis.
+    axes.set_ylim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
     axes.set_xlim(0.0, 1e3 * end)
     axes.grid(True, which='major', linewidth=0.4, color='0.75', zorder=1)
     axes.set_ylabel('first moments\nerror, µrad')

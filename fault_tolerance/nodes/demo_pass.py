@@ -29,6 +29,9 @@ PERIODS = 3
 START_UP = 1.2
 """Seconds from rest to steady tracking of the circle."""
 
+FOLLOWING = 1e-4
+"""Radians; a mirror with a smaller error follows the circle of 1 mrad."""
+
 ENGAGEMENT = 0.6
 """Seconds in which a repaired part takes up its load: twelve of its time constants."""
 
@@ -69,6 +72,8 @@ class DemoPass:
                 lambda: operator.ready and operator.is_recorded, 'the nodes', _START_PATIENCE
             )
             self._wait_for_state('nominal')
+            # That every node is there does not mean that commands reach the mirror.
+            self._wait(lambda: operator.error < FOLLOWING, 'the mirror', _PATIENCE, missing=True)
             self._pass(START_UP)
             for phase in phases:
                 self._show_phase(phase)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import hypot, inf, isfinite
 
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.node import Node
@@ -28,7 +29,8 @@ class OperatorClient(Node):
         self.state = self.answer = self.refusal = ''
         self._faults_by_name = AsyncParameterClient(self, 'fsm')
         self.active_failures = -1
-        self.is_pointing = False
+        # The last pointing error, radians; infinite before there is one.
+        self.error = inf
         # Stamp of the last joint state, seconds.
         self.now = 0.0
         self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
@@ -47,7 +49,7 @@ class OperatorClient(Node):
     @property
     def ready(self) -> bool:
         """Whether all nodes publish and all services are available."""
-        heard = self.state and self.is_pointing and self.now
+        heard = self.state and isfinite(self.error) and self.now
         return bool(heard and self.simulator_listens and self.controller_listens)
 
     @property
@@ -104,8 +106,8 @@ class OperatorClient(Node):
         """Call ``~/pause`` with ``paused``; the result returns whether it has responded."""
         return self._pause.call_async(SetBool.Request(data=paused)).done
 
-    def _take_error(self, _: Vector3Stamped) -> None:
-        self.is_pointing = True
+    def _take_error(self, message: Vector3Stamped) -> None:
+        self.error = hypot(message.vector.x, message.vector.y)
 
     def _take_active_failures(self, message: Float64) -> None:
         self.active_failures = int(message.data)
