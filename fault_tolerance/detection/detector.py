@@ -3,8 +3,7 @@
 
 """Finds failures that nobody reports, from readings and the commands between them.
 
-Deterministic: what it finds follows from stamps, readings, commands and configurations alone, so
-a recording gives what the live machine gave, to the last bit.
+What it finds follows from stamps, readings, commands and configurations alone, to the last bit.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from fault_tolerance.detection.responses import Sensors, responses
 from fault_tolerance.detection.separation import separated, separators
 from fault_tolerance.detection.setpoints import Setpoints
 from fault_tolerance.detection.sighting import Channels, Sighting
-from fault_tolerance.detection.suspicion import Suspicion, failures_assumed
+from fault_tolerance.detection.suspicion import Suspicion, failures_assumed, parts_of
 from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
@@ -39,6 +38,9 @@ PATIENCE = 1_000_000_000
 
 LONGEST_GAP = 250_000_000
 """Nanoseconds without a reading after which everything starts again: what happened is unknown."""
+
+LATEST = 50_000_000
+"""Nanoseconds by which a command may be slower than the fastest: then nobody knows its effect."""
 
 REFRESH = 50
 """Readings between two looks at whether the mechanism has moved away."""
@@ -87,6 +89,7 @@ class Detector:
         self._explained = np.zeros(count)
         self._before = np.zeros(len(self._scale))
         self._stamp: int | None = None
+        self._sent, self._least_age = 0, LONGEST_GAP
         self._known = FailureSet()
         self._place = np.eye(4)
         self._since_refresh = 0
@@ -129,6 +132,7 @@ class Detector:
     def command(self, stamp: int, rates: FloatArray) -> None:
         """Take the rates sent at ``stamp``, ns: ``rates`` (N,) in the mechanism's units."""
         self._setpoints.command(stamp, self._scale * rates)
+        self._sent = stamp
 
     def forget(self) -> None:
         """Drop what has been found: the failures have been cleared."""
@@ -154,9 +158,12 @@ class Detector:
             Returns the rows there; called when the responses have to be derived anew.
         """
         readings, stamp = self._channels.readings(sighting), sighting.stamp
-        if self._stamp is None or not 0 <= stamp - self._stamp <= LONGEST_GAP:
+        age = self._sent - stamp if self._sent else self._least_age
+        self._least_age = min(self._least_age, age)
+        last = stamp if self._stamp is None else self._stamp
+        if not 0 <= stamp - last <= LONGEST_GAP or age - self._least_age > LATEST:
             self._restart(readings)
-            self._stamp = stamp
+            last = stamp
         self._since_refresh += 1
         known = failures_assumed(self._mechanism, failures, self.suspicions)
         if self.rows is None or (known is not self._known and known != self._known):
@@ -166,7 +173,7 @@ class Detector:
             self._since_refresh = 0
             if self._is_far_from(pose):
                 self._refresh(rows(), known, pose)
-        moved = self._setpoints.moved(self._stamp, stamp)
+        moved = self._setpoints.moved(last, stamp)
         expected = self._healthy @ moved
         self._explained += expected
         if self._record is not None:
@@ -243,16 +250,10 @@ class Detector:
         assert self.rows is not None
         return Suspicion(
             candidates, float(self._scores[best]), int(self._onset[best]),
-            float(self._travel[best]), self._parts(candidates),
+            float(self._travel[best]), parts_of(self._mechanism, candidates),
             separators(self.rows, self._known, candidates, self.sensors, evidence.CROSS_SHARE),
             settled,
         )
-
-    def _parts(self, candidates: tuple[Hypothesis, ...]) -> tuple[str, ...]:
-        """Return the struts that hypotheses are about; actuators where there are no struts."""
-        struts = {one.name: one.strut or one.name for one in self._mechanism.actuators}
-        named = (name for one in candidates for name in (one.name, one.other) if name)
-        return tuple(dict.fromkeys(struts.get(name, name) for name in named))
 
     def _refresh(self, rows: StrutRows, known: FailureSet, pose: FloatArray) -> None:
         """Derive the responses anew."""
