@@ -26,8 +26,8 @@ from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
 from fault_tolerance.simulation.plant_settings import PlantSettings
 
-SINGLE = ('mirror_3_strut', 'gough_stewart_6', 'serial_3r')
-REDUNDANT = ('mirror_4_strut', 'mirror_overactuated', 'gough_stewart_8', 'planar_4rpr')
+SINGLE = ('mirror_3_strut', 'serial_3r')
+REDUNDANT = ('mirror_4_strut', 'planar_4rpr')
 
 
 def strain_of(mechanism):
@@ -155,7 +155,7 @@ def test_without_redundancy_they_are_not_told_apart(name, side):
 
 
 @pytest.mark.parametrize('strained', [False, True])
-@pytest.mark.parametrize('name', ['mirror_3_strut', 'gough_stewart_6', *REDUNDANT])
+@pytest.mark.parametrize('name', ['mirror_3_strut', *REDUNDANT])
 def test_millimetres_for_metres(name, strained):
     count = len(mechanism_named(name).actuators)
     for gains in (1e3 * np.ones(count), one_of(count, 1, 1e3)):
