@@ -78,11 +78,26 @@ class SensorNoise:
             return False
         self._filled = 0
         self._changed |= (self._readings != self._readings[0]).any(axis=0)
-        third = np.abs(np.diff(self._readings - self._explained, 3, axis=0))
-        # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.
-        found = np.median(third, axis=0) / (0.6745 * sqrt(20.0))
+        found = roughness(self._readings - self._explained)
         self._found = [*self._found[1 - KEPT :], found]
         typical = np.median(self._found, axis=0)
         proved = self._changed & np.isfinite(typical)
         self.deviation = np.where(proved, np.maximum(MARGIN * typical, self._smallest), 0.0)
         return True
+
+
+def roughness(strange: FloatArray) -> FloatArray:
+    """Return the standard deviation of the noise in windows of readings.
+
+    Parameters
+    ----------
+    strange : (..., w, c) array
+        What motion does not explain, w readings of c channels, metres.
+
+    Returns
+    -------
+    (..., c) array
+    """
+    third = np.abs(np.diff(strange, 3, axis=-2))
+    # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.
+    return np.asarray(np.median(third, axis=-2) / (0.6745 * sqrt(20.0)))

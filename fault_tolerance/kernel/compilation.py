@@ -150,6 +150,30 @@ def compiled_kernel() -> Kernel:
     return Kernel(estimate, command, measures, advance, True)
 
 
+def around(function: FunctionType, kernel: Kernel) -> Callable[..., Any]:
+    """Return a loop around the kernel in the form of ``kernel``, for studies of many cycles.
+
+    Parameters
+    ----------
+    function : function
+        Plain loops that call ``advance`` by its name, and nothing else but numpy. Compiled when
+        it is first called, and not kept on disk.
+    kernel : Kernel
+
+    Returns
+    -------
+    callable
+    """
+    if not kernel.compiled:
+        return function
+    import numba
+
+    copy = _copy(function)
+    copy.__globals__['advance'] = kernel.advance
+    compiled: Callable[..., Any] = numba.njit(error_model='numpy')(copy)
+    return compiled
+
+
 def is_wanted() -> bool:
     """Return whether the environment leaves the compiled form to be chosen."""
     return os.environ.get(SWITCH, 'compiled') == 'compiled'
