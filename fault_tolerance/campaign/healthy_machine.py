@@ -20,7 +20,6 @@ from fault_tolerance.detection.detector import REACH
 from fault_tolerance.detection.hypotheses import hypotheses
 from fault_tolerance.detection.noise import KEPT, MARGIN, SMALLEST, WINDOW, roughness
 from fault_tolerance.detection.responses import Responses, Sensors, responses
-from fault_tolerance.detection.setpoints import Setpoints
 from fault_tolerance.detection.sighting import Channels
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
@@ -173,7 +172,7 @@ def _motion(rng: np.random.Generator, count: int, period: float) -> FloatArray:
 
 
 def _travelled(starts: FloatArray, rates: FloatArray, times: FloatArray) -> FloatArray:
-    """Return the way (t, N) until each of the ``times`` of rates in force from their ``starts``."""
+    """Return the way (t, N) until each of the ``times``, of rates in force from ``starts`` on."""
     knots = np.cumsum(np.diff(starts, append=starts[-1:])[:, None] * rates, axis=0)
     way = np.vstack([np.zeros_like(rates[:1]), knots[:-1]])
     return np.stack([np.interp(times, starts, one) for one in way.T], 1)

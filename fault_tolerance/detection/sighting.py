@@ -99,6 +99,25 @@ class Channels:
         return result
 
 
+def distance(before: FloatArray, after: FloatArray, length: float) -> float:
+    """Return how far two poses are apart.
+
+    Parameters
+    ----------
+    before, after : (4, 4) arrays
+        Small rotations from each other.
+    length : float
+        What counts as a radian, metres.
+
+    Returns
+    -------
+    float
+        Radians, or lengths, whichever is more.
+    """
+    turned = np.abs(after[:3, :3] - before[:3, :3]).max()
+    return float(max(turned, np.abs(after[:3, 3] - before[:3, 3]).max() / length))
+
+
 def _displacement(before: FloatArray, after: FloatArray, length: float) -> FloatArray:
     """Return the scaled rotation vector, and the displacement, between two poses (6,)."""
     turn = after[:3, :3] @ before[:3, :3].T

@@ -108,6 +108,23 @@ def _severity(suspect: Hypothesis) -> int:
     return mode.severity if mode is not None else len(FailureMode)
 
 
+def parts_of(mechanism: Mechanism, candidates: Iterable[Hypothesis]) -> tuple[str, ...]:
+    """Return the struts of ``mechanism`` that ``candidates`` are about; actuators if it has none.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    candidates : iterable of Hypothesis
+
+    Returns
+    -------
+    tuple of str
+    """
+    struts = {one.name: one.strut or one.name for one in mechanism.actuators}
+    named = (name for one in candidates for name in (one.name, one.other) if name)
+    return tuple(dict.fromkeys(struts.get(name, name) for name in named))
+
+
 def failures_assumed(
     mechanism: Mechanism, failures: FailureSet, suspicions: Iterable[Suspicion]
 ) -> FailureSet:

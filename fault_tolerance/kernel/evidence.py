@@ -58,6 +58,8 @@ CHANGE_OF_PACE = 0.1
 """Share by which an unknown motion may change from one cycle to the next: what shakes to and fro
 is no drive that runs away."""
 
+JUMP_COST = 1.0
+"""Evidence that a jump loses per cycle: what has not convicted soon only waits for another."""
 
 REVERSAL = 1e3
 """Evidence that an unknown motion costs which turns round: that is a machine that shakes."""
@@ -115,9 +117,7 @@ def advance(
     """
     count, channels, drives = matrices.shape
     gain, weight = np.zeros(channels), np.zeros(channels)
-    used = _uncertainty(
-        matrices[0], noise, moved, before, readings, variance, gain, weight
-    )
+    used = _uncertainty(matrices[0], noise, moved, before, readings, variance, gain, weight)
     least = noise[:drives].max()
     small = SMALLEST_DRIFT * least
     for j in range(drives):
@@ -153,24 +153,28 @@ def advance(
     if stepped:
         odds[0] = -0.5 * beside - cost
     for c in range(channels):
-        if weight[c] > 0.0:
-            variance[c] = gain[c] * noise[c] * noise[c]
+        heard = weight[c] > 0.0
+        if heard:
+            variance[c] = noise[c] * noise[c] * (1.0 if stepped else gain[c])
         if stepped:
-            expected[0, c] = expected[0, c] + fit[c] if c < drives else readings[c]
+            # What is off the fit, by a share, is explained as well.
+            expected[0, c] = readings[c] if heard else expected[0, c]
         for h in range(count):
             levels[h, c] = expected[h, c]
-            if weight[c] > 0.0:
+            if heard:
                 levels[h, c] += gain[c] * (readings[c] - expected[h, c])
-    _add_up(odds, levels, scores)
+    _add_up(odds, jumps, levels, scores)
     return best
 
 
-def _add_up(odds: FloatArray, levels: FloatArray, scores: FloatArray) -> None:
+def _add_up(odds: FloatArray, jumps: FloatArray, levels: FloatArray, scores: FloatArray) -> None:
     """Add the evidence of one cycle; where nothing is left, start from the healthy filter."""
     highest = odds.max()
     for h in range(1, len(odds)):
-        # Capped against the healthy machine, but still ranked among each other.
+        # Capped against the healthy machine, and still ranked.
         step = min(highest - odds[0], MOST_PER_CYCLE) - min(highest - odds[h], MOST_PER_CYCLE)
+        if jumps[h] != 0.0:
+            step -= JUMP_COST
         scores[h] = max(scores[h] + step, 0.0)
         if scores[h] == 0.0:
             for c in range(levels.shape[1]):
@@ -228,7 +232,8 @@ def _load_step(
 ) -> float:
     """Fill in the step of the encoders that fits a load; return the misfit that is left.
 
-    What efforts and the platform do under a load is not known, and counts as explained.
+    What efforts and the platform do under a load is not known, and counts as explained. A step
+    may be off its fit by a share: the mechanism may be a little away from where ``load`` is from.
     """
     drives, count = load.shape
     for k in range(count):
@@ -238,11 +243,14 @@ def _load_step(
                 along += load[c, k] * (readings[c] - expected[c])
         for c in range(drives):
             fit[c] += along * load[c, k]
+    slack = 0.0
+    for c in range(drives):
+        slack = max(slack, CROSS_SHARE * abs(fit[c]))
     left = 0.0
     for c in range(drives):
         if weight[c] > 0.0:
             off = readings[c] - expected[c] - fit[c]
-            left += weight[c] * off * off
+            left += off * off / (1.0 / weight[c] + slack * slack)
     return left
 
 
