@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import argparse
-from math import isfinite
+from math import inf, isfinite
+from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.detection.responses import Sensors
@@ -40,6 +41,30 @@ def add_forms(parser: argparse.ArgumentParser) -> None:
             f'--{form}', dest='form', action='store_const', const=form, default='text',
             help=f'as {form.upper()}, for programs',
         )
+
+
+def add_recording(parser: argparse.ArgumentParser) -> None:
+    """Add what detection on a recording needs, and the forms of output, to a ``parser``."""
+    parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
+    parser.add_argument(
+        '--mechanism', metavar='FILE', help='or a shipped one; without: as the metrics say'
+    )
+    parser.add_argument('--namespace', help='of the robot, if there are several in the bag')
+    parser.add_argument(
+        '--detect', choices=('advise', 'act'), default='advise',
+        help='act: handle what is found as if it had been reported (default: advise)',
+    )
+    parser.add_argument(
+        '--pose', default='', metavar='TOPIC', help='of a pose sensor (PoseStamped)'
+    )
+    parser.add_argument(
+        '--delay', type=seconds, default=0.0, metavar='S',
+        help="the controller's parameter command_delay (default: 0)",
+    )
+    parser.add_argument(
+        '--output', type=Path, metavar='FOLDER', help='for the figure; without: beside the bag'
+    )
+    add_forms(parser)
 
 
 def add_trials(parser: argparse.ArgumentParser) -> None:
@@ -82,6 +107,46 @@ def add_study(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_isolability(parser: argparse.ArgumentParser) -> None:
+    """Add the mechanism and its sensors to a ``parser``."""
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    add_failed(parser)
+    parser.add_argument(
+        '--encoders', choices=('load', 'motor'),
+        help='what all encoders read: the joints, or the drives (default: as the file says)',
+    )
+    parser.add_argument(
+        '--sensors', type=sensors, default=Sensors(), metavar='LIST',
+        help='encoders, and with commas: efforts, pose (default: encoders)',
+    )
+    parser.add_argument('--probe', action='store_true', help='with the self-stress probe')
+    add_forms(parser)
+
+
+def add_watch(parser: argparse.ArgumentParser) -> None:
+    """Add what the live view needs to a ``parser``."""
+    parser.add_argument('--namespace', default='', help='of the controller')
+    parser.add_argument(
+        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
+    )
+    parser.add_argument(
+        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
+    )
+
+
+def add_first_motion(parser: argparse.ArgumentParser) -> None:
+    """Add what the first motion of a machine needs to a ``parser``."""
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    parser.add_argument('--yes', action='store_true', help='move without asking')
+    parser.add_argument(
+        '--strain', type=float, metavar='M', help='how far drives may strain others'
+    )
+    parser.add_argument('--step', action='append', default=[], type=step, metavar='[NAME=]VALUE',
+                        help='how far drives go at most, m or rad')
+    parser.add_argument('--namespace', default='', help='of the machine')
+    parser.add_argument('--json', action='store_true', help='as JSON, for programs')
+
+
 def sensors(text: str) -> Sensors:
     """Return the sensors that ``text``, ``encoders[,efforts][,pose]``, names.
 
@@ -107,6 +172,28 @@ def value(text: str) -> tuple[str, float]:
     if not found or not name or not isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
     return name, value
+
+
+def seconds(text: str) -> float:
+    """Return ``text`` as a number of seconds from 0 on.
+
+    ArgumentTypeError if it is none.
+    """
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not (isfinite(found) and found >= 0.0):
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number of seconds')
+    return found
+
+
+def step(text: str) -> tuple[str, float]:
+    """Return name and number of ``text``, ``NAME=VALUE`` or a number for all (no name).
+
+    ArgumentTypeError if it is neither.
+    """
+    return value(text) if '=' in text else ('', value(f'all={text}')[1])
 
 
 def positive(text: str) -> int:

@@ -11,28 +11,29 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from math import inf
 from pathlib import Path
 from typing import NoReturn
 
 from fault_tolerance import commands
 from fault_tolerance.arguments import (
-    add_failed,
+    add_first_motion,
     add_forms,
+    add_isolability,
+    add_recording,
     add_state,
     add_study,
     add_trials,
-    sensors,
+    add_watch,
 )
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
-from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
 from fault_tolerance.simulation.reference import Circle, Raster
@@ -116,7 +117,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
-    _add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
+    add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
     one.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
@@ -124,13 +125,9 @@ def _parser() -> argparse.ArgumentParser:
         '--engine', choices=ENGINES, default=ENGINES[0], help='what simulates the mirror'
     )
 
-    one = command(_watch, 'look at a running controller')
-    one.add_argument('--namespace', default='', help='of the controller')
-    one.add_argument(
-        '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
-    )
-    one.add_argument(
-        '--duration', type=float, default=inf, metavar='S', help='seconds; without: until Ctrl-C'
+    add_watch(command(_watch, 'look at a running controller'))
+    add_first_motion(
+        command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
 
     one = command(_report, 'figure and page of a recorded run')
@@ -140,8 +137,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     one.add_argument('--namespace', help='of the robot, if there are several in the bag')
 
-    one = command(_campaign, 'every single and double failure in simulation, against the theory')
-    add_trials(one)
+    add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
+    add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
     add_study(command(_detection_study, 'false alarms and delays of detection, in simulation'))
     command(_inject, 'break or mend the running simulated mirror').add_argument(
         'words', nargs='+', metavar='WORD',
@@ -150,21 +147,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     command(_clear, 'let the running controller release failures')
     return parser
-
-
-def _add_isolability(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument('mechanism', help='a shipped mechanism or a file')
-    add_failed(parser)
-    parser.add_argument(
-        '--encoders', choices=('load', 'motor'),
-        help='what all encoders read: the joints, or the drives (default: as the file says)',
-    )
-    parser.add_argument(
-        '--sensors', type=sensors, default=Sensors(), metavar='LIST',
-        help='encoders, and with commas: efforts, pose (default: encoders)',
-    )
-    parser.add_argument('--probe', action='store_true', help='with the self-stress probe')
-    add_forms(parser)
 
 
 def _measures(chosen: argparse.Namespace) -> None:
@@ -213,8 +195,22 @@ def _watch(chosen: argparse.Namespace) -> int:
     return watch(chosen.namespace, chosen.mechanism, chosen.duration)
 
 
+def _commission(chosen: argparse.Namespace) -> int:
+    with _needing_rclpy():
+        from fault_tolerance.nodes.commission_cli import commission
+    return commission(
+        chosen.mechanism, yes=chosen.yes, steps=dict(chosen.step), strain=chosen.strain,
+        namespace=chosen.namespace, as_json=chosen.json,
+    )
+
+
 def _report(chosen: argparse.Namespace) -> None:
     commands.report(chosen.bag, chosen.output, chosen.namespace)
+
+
+def _detect(chosen: argparse.Namespace) -> None:
+    options = (chosen.mechanism, chosen.namespace, chosen.detect, chosen.pose, chosen.delay)
+    commands.detect(chosen.bag, DetectOptions(*options), chosen.output, chosen.form)
 
 
 def _campaign(chosen: argparse.Namespace) -> int:

@@ -18,6 +18,11 @@ from fault_tolerance.analysis.check_tables import check_table
 from fault_tolerance.analysis.checks import check_report
 from fault_tolerance.analysis.class_tables import class_table
 from fault_tolerance.analysis.demo_summary import summary, summary_table
+from fault_tolerance.analysis.finding_tables import (
+    FINDING_KEYS,
+    finding_records,
+    finding_table,
+)
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
 from fault_tolerance.analysis.runs import run_of
@@ -37,6 +42,7 @@ from fault_tolerance.kinematics.failures import FailureLike
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.replay.detection_options import DetectOptions
 
 Form = Literal['text', 'json', 'csv']
 
@@ -147,6 +153,39 @@ def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
         folder = bag if bag.is_dir() else bag.parent
     for path in write_report(run, folder):
         print(path)
+
+
+def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -> None:
+    """Print in ``form`` what detection finds in the recording ``bag``, and draw its evidence.
+
+    With ``options``; the figure goes to ``folder``, without one beside the bag.
+    FaultToleranceError without rosbags, or if the recording cannot be used.
+    """
+    try:
+        from fault_tolerance.analysis.recorded_inputs import recorded_inputs
+        from fault_tolerance.replay.detection_report import (
+            detection_report,
+            evidence_of,
+            mechanism_of,
+        )
+        from fault_tolerance.replay.replayed import replayed
+    except ImportError as error:
+        reason = f'recordings need rosbags: {error.name} is not installed'
+        raise FaultToleranceError(reason) from None
+    inputs = recorded_inputs(bag, options.namespace, options.pose)
+    mechanism = mechanism_of(inputs, options)
+    result = replayed(inputs, mechanism, options.detect, options.delay)
+    report = detection_report(inputs, mechanism, options, result)
+    records = [FINDING_KEYS, *finding_records(report)]
+    _print(form, report, records, finding_table(report))
+    try:
+        from fault_tolerance.analysis.odds_figure import write_odds_figure
+    except ImportError:
+        return
+    picture = (folder or (bag if bag.is_dir() else bag.parent)) / 'detection.png'
+    write_odds_figure(evidence_of(inputs, mechanism, result), picture)
+    if form == 'text':
+        print(picture)
 
 
 def _print(

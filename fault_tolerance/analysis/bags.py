@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rosbags import rosbag2
 from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_typestore
 
 from fault_tolerance.analysis import topics
 from fault_tolerance.analysis.recorded_data import Message, Sample
@@ -60,8 +61,25 @@ def read_messages(path: Path) -> Iterator[Message]:
 
     FaultToleranceError if it cannot be read.
     """
+    yield from read_topics(path, [one for one in topics_in(path) if topics.is_read(one)])
+
+
+def topics_in(path: Path) -> dict[str, str]:
+    """Return the types of the topics in the bag at ``path`` by full name.
+
+    FaultToleranceError if it cannot be read.
+    """
     with _opened(path) as reader:
-        chosen = [one for one in reader.connections if topics.split(one.topic)]
+        return {one.topic: str(one.msgtype) for one in reader.connections}
+
+
+def read_topics(path: Path, wanted: Container[str]) -> Iterator[Message]:
+    """Yield the messages of the bag at ``path`` on the topics ``wanted``, by full name.
+
+    FaultToleranceError if it cannot be read.
+    """
+    with _opened(path) as reader:
+        chosen = [one for one in reader.connections if one.topic in wanted]
         for connection, time, data in reader.messages(connections=chosen) if chosen else ():
             yield Message(connection.topic, time, reader.deserialize(data, connection.msgtype))
 
@@ -73,5 +91,8 @@ def _opened(path: Path) -> Iterator[AnyReader]:
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             yield reader
-    except (AnyReaderError, rosbag2.ReaderError, OSError, ValueError, AssertionError) as error:
+    except (
+        AnyReaderError, rosbag2.ReaderError, SerdeError, TypesysError, OSError, ValueError,
+        AssertionError,
+    ) as error:
         raise FaultToleranceError(f'{path}: not a bag that can be read ({error})') from None

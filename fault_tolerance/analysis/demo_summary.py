@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from fault_tolerance.analysis.delays import detected, milliseconds
 from fault_tolerance.analysis.phases import TOLERANCES, Phase
 from fault_tolerance.analysis.runs import RECOVERED, UNRECOVERED, Run
 from fault_tolerance.analysis.terminal import number, plain_table
@@ -24,6 +25,7 @@ another; an unrecovered strut costs 350 urad and more."""
 
 PHASES = (
     Phase('healthy'),
+    Phase('theta_4 stuck, unreported', (('position', 'theta_4'),), silent=True),
     Phase('theta_4 stuck', (('position', 'theta_4'),)),
     Phase('theta_2 free', (('torque', 'theta_2'),)),
     Phase('strut_3 lost', (('hard', 'strut_3'),)),
@@ -51,6 +53,7 @@ def summary(run: Run) -> dict[str, Any]:
                 'error_rms_urad': {
                     name: _plain(1e6 * one.error_rms(run.period)) for name, one in by_pass.items()
                 },
+                'detected': detected(run, first),
                 'peak_force': {name: _plain(one.peak_force) for name, one in by_pass.items()},
                 'measures': {name: _plain(value) for name, value in first.measures.items()},
             }
@@ -73,6 +76,9 @@ def unrecovered_phases(result: dict[str, Any]) -> list[str]:
                 wrong.append(f'{phase["name"]}: pointing error {error} urad, limit {limit:.1f}')
         if phase['state'] != wanted:
             wrong.append(f'{phase["name"]}: state {phase["state"]}, expected {wanted}')
+        found = phase['detected']
+        if found and found['name'] not in [one['name'] for one in phase['failures']]:
+            wrong.append(f'{phase["name"]}: {found["name"]} was suspected ({found["mode"]})')
     return wrong
 
 
@@ -80,16 +86,20 @@ def summary_table(result: dict[str, Any]) -> Table:
     """Return ``result`` of `summary` for people, to be printed with rich."""
     phases = result['phases']
     both = any(UNRECOVERED in phase['error_rms_urad'] for phase in phases)
+    # In the table of two passes there is no room for the measures, in 80 columns.
+    measures = () if both else TOLERANCES
     table = plain_table(
-        'phase', 'state', numbers=('p', 't', 'h', 'error rms, urad', 'largest force, N'),
+        'phase', 'state',
+        numbers=('noticed', *(name[0] for name in measures), 'error rms, urad', 'force, N'),
         title='With recovery, and without (in brackets)' if both else None,
-        title_justify='center',
-        caption='p, t, h: measure of the worst single failure that could come next',
+        title_justify='center', padding=(0, 1, 0, 0),
+        caption=None if both else 'p, t, h: measure of the worst single failure that could come '
+        'next',
     )
     for phase in phases:
         table.add_row(
-            phase['name'], phase['state'],
-            *(number(phase['measures'].get(name), '.3f') for name in TOLERANCES),
+            phase['name'], phase['state'], milliseconds(phase['detected']),
+            *(number(phase['measures'].get(name), '.3f') for name in measures),
             _both(phase['error_rms_urad'], '.1f'),
             _both(phase['peak_force'], '.2f'),
         )

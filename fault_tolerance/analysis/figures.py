@@ -15,32 +15,23 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fault_tolerance.analysis.first_moments import draw_first_moments, noticed_phase
+from fault_tolerance.analysis.line_styles import (
+    ACTUATOR_COLOURS,
+    LABELS,
+    MEASURE_STYLES,
+    REFERENCE,
+    STROKES,
+    STYLES,
+)
 from fault_tolerance.analysis.phases import PhaseRecord
-from fault_tolerance.analysis.runs import ONLY, RECOVERED, UNRECOVERED, Run
+from fault_tolerance.analysis.runs import RECOVERED, UNRECOVERED, Run
 from fault_tolerance.analysis.series import Series
 from fault_tolerance.mechanism.arrays import FloatArray
 
-# Okabe and Ito's colours, safe for colour-blind readers. In grey print widths differ: without
-# recovery wide and pale, so that it shows where the thin dark line with recovery lies on it.
-BLUE, VERMILION, ORANGE, GREEN, PURPLE = '#0072B2', '#D55E00', '#E69F00', '#009E73', '#CC79A7'
-STYLES: dict[str, dict[str, Any]] = {
-    RECOVERED: {'color': BLUE, 'linewidth': 1.3},
-    UNRECOVERED: {'color': '#F2A477', 'linewidth': 3.4},
-    ONLY: {'color': BLUE, 'linewidth': 1.3},
-}
-LABELS = {RECOVERED: 'with recovery', UNRECOVERED: 'without recovery', ONLY: 'as recorded'}
-_REFERENCE: dict[str, Any] = {'color': 'black', 'linewidth': 0.9, 'linestyle': (0, (1.0, 1.6))}
-_STROKES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
-_ACTUATOR_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, 'black')
-_MEASURE_STYLES: tuple[tuple[str, dict[str, Any]], ...] = (
-    ('p, worst stuck next', {'color': BLUE, 'linewidth': 1.6}),
-    ('t, worst free next', {'color': ORANGE, 'linewidth': 4.0, 'solid_capstyle': 'butt'}),
-    ('h, worst lost next', {'color': 'black', 'linewidth': 1.4, 'linestyle': (0, (1, 1.2))}),
-    ('manipulability kept', {'color': GREEN, 'linewidth': 1.2, 'linestyle': (0, (6, 2))}),
-)
 # A logarithmic axis has no place for zero.
 _LEAST = {'error': 1e-2, 'force': 1e-4}
-_MOST_PATHS = 6
+_MOST_PATHS = 7
 
 # Inches.
 _WIDTH, _LEFT, _RIGHT = 13.0, 0.95, 1.9
@@ -53,7 +44,9 @@ def report_figure(run: Run) -> Figure:
     count = min(len(run.main), _MOST_PATHS) if len(run.main[0].path) else 0
     side = (_WIDTH - _LEFT - _RIGHT) / max(count, 3)
     paths = (side + 0.45 if count else 0.0) + _HEADS
-    height = _TITLE + paths + len(panels) * (_PANEL + _GAP) + _BOTTOM
+    noticed = noticed_phase(run)
+    further = 0.0 if noticed is None else _PANEL + _BOTTOM + _GAP
+    height = _TITLE + paths + len(panels) * (_PANEL + _GAP) + _BOTTOM + further
     figure = Figure(figsize=(_WIDTH, height))
     FigureCanvasAgg(figure)
     title, subtitle = _words(run)
@@ -78,6 +71,11 @@ def report_figure(run: Run) -> Figure:
         _number(charts[0], run.main, starts)
         between = '' if run.period is None else ' (mending and clearing between phases left out)'
         charts[-1].set_xlabel(f'time, s{between}')
+    if noticed is not None:
+        axes = figure.add_axes((left, _BOTTOM / height, width, _PANEL / height))
+        draw_first_moments(axes, run, noticed)
+        _explain(axes)
+        charts.append(axes)
     figure.align_ylabels(charts)
     return figure
 
@@ -187,8 +185,8 @@ def _draw_rates(axes: Axes, run: Run) -> None:
         courses = [(one.time, factor * one.values[:, column]) for one in rates]
         _draw_courses(
             axes.plot, run, courses, label=name, linewidth=1.2, zorder=3,
-            color=_ACTUATOR_COLOURS[column % len(_ACTUATOR_COLOURS)],
-            linestyle=_STROKES[column % len(_STROKES)],
+            color=ACTUATOR_COLOURS[column % len(ACTUATOR_COLOURS)],
+            linestyle=STROKES[column % len(STROKES)],
         )
     _draw_limits(axes, run.rate_limits, largest, factor, unit)
     words = f'{LABELS[RECOVERED]}, ' if UNRECOVERED in run.passes else ''
@@ -216,7 +214,7 @@ def _draw_limits(
 
 
 def _draw_measures(axes: Axes, run: Run) -> None:
-    for column, (label, style) in enumerate(_MEASURE_STYLES):
+    for column, (label, style) in enumerate(MEASURE_STYLES):
         # Each value holds until the next one, the last until the end.
         courses = [
             (np.append(one.course.time, one.duration),
@@ -251,7 +249,7 @@ def _draw_paths(figure: Figure, run: Run, count: int, side: float, top: float) -
                 size = 4.0 + 2.0 * STYLES[name]['linewidth']
                 axes.plot(*path[-1], 'o', markersize=size, color=STYLES[name]['color'])
         reference = factor * run.main[index].reference.values
-        axes.plot(reference[:, 0], reference[:, 1], **_REFERENCE)
+        axes.plot(reference[:, 0], reference[:, 1], **REFERENCE)
         axes.set_xlim(-bound, bound)
         axes.set_ylim(-bound, bound)
         axes.set_aspect('equal')
@@ -263,7 +261,7 @@ def _draw_paths(figure: Figure, run: Run, count: int, side: float, top: float) -
     assert first is not None
     first.set_ylabel(f'tilt about y, {unit}', fontsize=8.5, labelpad=2)
     handles = [Line2D([], [], label=LABELS[name], **STYLES[name]) for name in run.passes]
-    handles.append(Line2D([], [], label='reference', **_REFERENCE))
+    handles.append(Line2D([], [], label='reference', **REFERENCE))
     figure.legend(
         handles=handles, loc='upper left', fontsize=8.5, frameon=False, handlelength=2.8,
         handletextpad=0.5, title='mirror path', alignment='left', borderpad=0.0,
@@ -272,9 +270,9 @@ def _draw_paths(figure: Figure, run: Run, count: int, side: float, top: float) -
 
 
 def _heading(index: int, record: PhaseRecord, side: float) -> str:
-    name = _folded(record.phase.name, int(11.0 * side))
     kept = record.state in ('', 'nominal', 'degraded')
-    return f'{index + 1}  {name}' + ('' if kept else f': {record.state}')
+    name = record.phase.name + ('' if kept else f': {record.state}')
+    return f'{index + 1}  {_folded(name, int(11.0 * side))}'
 
 
 def _folded(text: str, width: int) -> str:

@@ -25,6 +25,7 @@ from fault_tolerance.analysis.snapshot import (
     Snapshot,
     with_prefix,
 )
+from fault_tolerance.analysis.suspicion_text import alike_text, suspect_text, unseen_text
 from fault_tolerance.analysis.terminal import in_ascii
 
 # Safe for colour-blind readers; each colour has its word beside it.
@@ -76,6 +77,7 @@ class LiveView:
         yield _headline(snapshot)
         if not snapshot.state:
             return
+        yield from _suspects(snapshot)
         yield Text(_numbers(snapshot), style='dim', no_wrap=True, overflow='crop')
         yield Text('')
         if not snapshot.actuators:
@@ -91,6 +93,7 @@ class LiveView:
         yield Text('')
         if snapshot.actuators:
             yield _worst(snapshot)
+        yield from _blind_spots(snapshot)
         if snapshot.errors:
             yield _error(snapshot, width, plain)
 
@@ -100,6 +103,7 @@ def plain_line(snapshot: Snapshot) -> str:
     if not snapshot.state:
         return f'{snapshot.title}: waiting for the controller'
     parts = [f'{snapshot.state}: {snapshot.reason}' if snapshot.reason else snapshot.state]
+    parts += [f'suspected: {suspect_text(one)}' for one in snapshot.suspects]
     if snapshot.errors:
         parts.append(f'error {_rms(snapshot)}')
     parts.append(_worst(snapshot).plain)
@@ -120,6 +124,27 @@ def _headline(snapshot: Snapshot) -> Text:
     if snapshot.age > _STALE_AFTER:
         head.append(f'  (not heard for {snapshot.age:.0f} s)', style='bold red')
     return head
+
+
+def _suspects(snapshot: Snapshot) -> Iterator[Text]:
+    for one in snapshot.suspects:
+        yield _line('suspected: ', suspect_text(one), 'bold magenta')
+
+
+def _blind_spots(snapshot: Snapshot) -> Iterator[Text]:
+    """Yield what would not be noticed, and what would not be told apart."""
+    for heading, words in (
+        ('would not be noticed: ', unseen_text(snapshot)),
+        ('would look the same: ', alike_text(snapshot)),
+    ):
+        if words:
+            yield _line(heading, words, '')
+
+
+def _line(heading: str, words: str, style: str) -> Text:
+    """Return a line that ends with dots where there is no room."""
+    text = Text(heading, no_wrap=True, overflow='ellipsis')
+    return text.append(words, style=style)
 
 
 def _numbers(snapshot: Snapshot) -> str:

@@ -13,7 +13,7 @@ from math import nan
 
 import numpy as np
 
-from fault_tolerance.analysis.recorded_data import Health, Recording
+from fault_tolerance.analysis.recorded_data import Found, Health, Recording
 from fault_tolerance.analysis.series import Series
 from fault_tolerance.analysis.snapshot import WORDS
 from fault_tolerance.kinematics.failures import failure_set
@@ -26,6 +26,8 @@ LISTENING = 0.5
 """Seconds before a phase over which the preload of the struts is taken."""
 
 _SHORTEST = 0.3
+# Nanoseconds; a note that says to be older was written by another clock.
+_SAME_CLOCK = 1_000_000_000
 TOLERANCES = ('position_tolerance', 'torque_tolerance', 'hard_tolerance')
 """The metrics with the worst p, t and h of a next failure."""
 
@@ -33,18 +35,27 @@ MEASURES = (*TOLERANCES, 'retained_manipulability')
 """The columns of `PhaseRecord.course`."""
 
 
-
 @dataclass(frozen=True)
 class Phase:
-    """A set of ``failures`` (mode, name) present for some time; its ``name`` is for the table."""
+    """A set of ``failures`` (mode, name) present for some time; its ``name`` is for the table.
+
+    Of ``silent`` ones the drives report nothing.
+    """
 
     name: str
     failures: tuple[tuple[str, str], ...] = ()
+    silent: bool = False
 
     @property
     def words(self) -> tuple[str, ...]:
         """The same in the words of the fault injection topic."""
-        return tuple(f'{mode} {name}' for mode, name in self.failures)
+        silent = 'silent ' if self.silent else ''
+        return tuple(f'{silent}{mode} {name}' for mode, name in self.failures)
+
+    @property
+    def mending(self) -> tuple[str, ...]:
+        """The words that repair all of it."""
+        return tuple(f'ok {name}' for _, name in self.failures)
 
     def is_tolerable(self, mechanism: Mechanism) -> bool:
         """Return what the theory says of ``mechanism``, at home."""
@@ -56,11 +67,16 @@ class Phase:
 class PhaseRecord:
     """The recorded data of one phase; times in seconds from its beginning.
 
+    It begins when the operator injects the failures.
+
     ``state`` and ``measures`` are the controller's state and metrics at its end. Errors count
     after ``settled`` seconds. ``error`` and ``reference`` are angles about x and y (k, 2),
     radians, ``rates`` those commanded, ``efforts`` the forces of the actuators, newtons, and
     ``preload`` (N,) their mean before the phase. ``course`` has the columns `MEASURES`: the worst
-    p, t and h of a next failure, and the manipulability retained.
+    p, t and h of a next failure, and the manipulability retained. ``found`` is what detection
+    said first, acted on if it acts, its time from where the failure began: the beginning of the
+    phase, or in a run without notes where detection thinks that it was. ``setpoints`` are the
+    rates commanded with the controller's stamps, from some time before the phase.
     """
 
     phase: Phase
@@ -74,6 +90,8 @@ class PhaseRecord:
     preload: FloatArray
     course: Series
     measures: dict[str, float]
+    setpoints: Series
+    found: Found | None = None
 
     @property
     def path(self) -> Series:
@@ -113,16 +131,19 @@ class Note:
     """The operator's note at the beginning of a ``phase``.
 
     Errors count after ``settled`` seconds; ``period`` is the seconds that the reference takes.
+    ``stamp`` is when it was written, nanoseconds; 0 if not known.
     """
 
     phase: Phase
     settled: float
     period: float
+    stamp: int = 0
 
 
 def note_as_text(note: Note) -> str:
     """Return the text of ``note`` that `note_from_text` understands."""
-    return json.dumps({**asdict(note.phase), 'settled': note.settled, 'period': note.period})
+    timing = {'settled': note.settled, 'period': note.period, 'stamp': note.stamp}
+    return json.dumps({**asdict(note.phase), **timing})
 
 
 def note_from_text(text: str) -> Note | None:
@@ -130,8 +151,9 @@ def note_from_text(text: str) -> Note | None:
     try:
         content = json.loads(text)
         failures = tuple((str(mode), str(name)) for mode, name in content['failures'])
-        phase = Phase(str(content['name']), failures)
-        return Note(phase, float(content['settled']), float(content['period']))
+        phase = Phase(str(content['name']), failures, bool(content.get('silent')))
+        stamp = int(content.get('stamp', 0))
+        return Note(phase, float(content['settled']), float(content['period']), stamp)
     except (ValueError, KeyError, TypeError):
         return None
 
@@ -145,7 +167,8 @@ def phase_records(recording: Recording) -> tuple[list[PhaseRecord], float | None
     noted = list(_noted(recording))
     if noted:
         records = [
-            _record(recording, note.phase, begin, end, note.settled) for note, begin, end in noted
+            _record(recording, note.phase, begin, end, note.settled, begin)
+            for note, begin, end in noted
         ]
         return records, noted[0][0].period
     return [
@@ -161,7 +184,8 @@ def _noted(recording: Recording) -> Iterator[tuple[Note, float, float]]:
     for text, end in zip(recording.phases, ends[1:], strict=False):
         note = note_from_text(text.text)
         if note is not None:
-            yield note, text.time, end
+            late = recording.origin + round(1e9 * text.time) - note.stamp
+            yield note, text.time - (1e-9 * late if 0 < late < _SAME_CLOCK else 0.0), end
 
 
 def _unchanged(recording: Recording) -> Iterator[tuple[Health, float, float]]:
@@ -181,8 +205,10 @@ def _phase_of(health: Health) -> Phase:
 
 
 def _record(
-    recording: Recording, phase: Phase, begin: float, end: float, settled: float
+    recording: Recording, phase: Phase, begin: float, end: float, settled: float,
+    injected: float | None = None,
 ) -> PhaseRecord:
+    setpoints = recording.setpoints.since(begin - LISTENING, end)
     before = recording.efforts.since(begin - LISTENING, begin).values
     state = [one.text for one in recording.states if one.time < end]
     measures = {name: one.since(0.0, end).values for name, one in recording.scalars.items()}
@@ -198,7 +224,26 @@ def _record(
         preload=before.mean(axis=0) if before.size else np.zeros(before.shape[1]),
         course=_course(recording.scalars, begin, end),
         measures={name: float(one[-1, 0]) for name, one in measures.items() if len(one)},
+        setpoints=Series(setpoints.time - LISTENING, setpoints.values),
+        found=_first_found(recording.found, begin, end, injected),
     )
+
+
+def _first_found(
+    found: tuple[Found, ...], begin: float, end: float, injected: float | None
+) -> Found | None:
+    """Return what was found first between ``begin`` and ``end``, acted on if any was.
+
+    Where it is not known when a failure was ``injected`` it may have been found just before a
+    phase begins: the phase begins with the verdict.
+    """
+    since = begin - (LISTENING if injected is None else 0.0)
+    inside = [one for one in found if since <= one.time < end]
+    if not inside:
+        return None
+    one = min(inside, key=lambda one: (not one.acted, one.time))
+    start = one.onset if injected is None else injected
+    return one._replace(time=one.time - start, onset=one.onset - start)
 
 
 def _course(scalars: Mapping[str, Series], begin: float, end: float) -> Series:

@@ -13,9 +13,13 @@ from typing import Any, NamedTuple
 from fault_tolerance.analysis import topics
 from fault_tolerance.analysis.series import Series, series_of
 
+FAILURE_MODE, SUSPECTED_MODE = 'failure_mode', 'suspected_mode'
+"""The keys of what detection acts on, and of what it only tells."""
+
 # Nanoseconds; stamps further from the time of receipt are of another clock.
 _SAME_CLOCK = 5_000_000_000
 _MECHANISM_STATUS = 'fault_tolerance: mechanism'
+DETECTION_STATUS = 'fault_tolerance: detection'
 
 
 class Sample(NamedTuple):
@@ -50,14 +54,38 @@ class Health(NamedTuple):
     failures: tuple[str, ...]
 
 
+class Verdict(NamedTuple):
+    """What the metrics say of a mechanism; ``suspected`` is what nobody has reported."""
+
+    mechanism: str
+    state: str
+    failures: tuple[str, ...]
+    suspected: str
+
+
+class Found(NamedTuple):
+    """What detection said at a time (s): ``mode`` and ``name``, and whether it was acted on.
+
+    ``onset`` is when it thinks that it began, s.
+    """
+
+    time: float
+    mode: str
+    name: str
+    acted: bool
+    onset: float
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """The recorded data of one robot; times in seconds from the first message of all.
 
     ``mechanism`` is empty if there were no metrics. ``actuators`` name the columns of the
-    commanded ``rates`` and of the ``efforts``. ``error`` and ``reference`` of pointing are radians
+    commanded ``rates`` and of the ``efforts``; ``setpoints`` are the same rates with the stamps of
+    the controller, where they were recorded. ``error`` and ``reference`` of pointing are radians
     about x and y. ``scalars`` are the controller's metrics by name, ``phases`` what the operator
-    noted as JSON (empty at the end of a phase), ``end`` is the time of the last message.
+    noted as JSON (empty at the end of a phase), ``found`` what detection said. ``end`` is the time
+    of the last message, ``origin`` that of the first one in nanoseconds.
     """
 
     mechanism: str
@@ -65,12 +93,15 @@ class Recording:
     error: Series
     reference: Series
     rates: Series
+    setpoints: Series
     efforts: Series
     scalars: dict[str, Series]
     states: tuple[Text, ...]
     healths: tuple[Health, ...]
     phases: tuple[Text, ...]
+    found: tuple[Found, ...]
     end: float
+    origin: int
 
 
 def recordings_of(messages: Iterable[Message]) -> dict[str, Recording]:
@@ -80,30 +111,32 @@ def recordings_of(messages: Iterable[Message]) -> dict[str, Recording]:
     """
     by_robot: dict[str, dict[str, list[Message]]] = defaultdict(lambda: defaultdict(list))
     origin = None
+    diagnostics = []
     for message in messages:
+        if message.topic == topics.DIAGNOSTICS:
+            diagnostics.append(message)
         place = topics.split(message.topic)
         if place is None:
             continue
         origin = message.time if origin is None else origin
         by_robot[place[0]][place[1]].append(message)
     return {
-        namespace: _recording(heard, origin or 0)
+        namespace: _recording(heard, origin or 0, _found(diagnostics, namespace, origin or 0))
         for namespace, heard in sorted(by_robot.items())
         if heard[topics.STATE] or heard[topics.METRICS]
     }
 
 
-def _recording(heard: dict[str, list[Message]], origin: int) -> Recording:
+def _recording(
+    heard: dict[str, list[Message]], origin: int, found: tuple[Found, ...]
+) -> Recording:
     last = max(messages[-1].time for messages in heard.values() if messages)
 
     def since(nanoseconds: int) -> float:
         return (nanoseconds - origin) * 1e-9
 
     def stamped(message: Message) -> float:
-        stamp = message.content.header.stamp
-        nanoseconds = stamp.sec * 1_000_000_000 + stamp.nanosec
-        near = abs(nanoseconds - message.time) < _SAME_CLOCK
-        return since(nanoseconds if near else message.time)
+        return since(_stamp(message))
 
     def pairs(topic: str) -> Series:
         vectors = [(stamped(one), one.content.vector) for one in heard[topic]]
@@ -117,7 +150,7 @@ def _recording(heard: dict[str, list[Message]], origin: int) -> Recording:
         return tuple(Text(since(one.time), one.content.data) for one in heard[topic])
 
     overall = [
-        (since(message.time), status)
+        (since(message.time), verdict_of(status))
         for message in heard[topics.METRICS] for status in message.content.status
         if status.name == _MECHANISM_STATUS
     ]
@@ -126,22 +159,63 @@ def _recording(heard: dict[str, list[Message]], origin: int) -> Recording:
     named = tuple(one.label for one in labels[-1].content.layout.dim) if labels else ()
     names = named or (tuple(joints[-1].content.name) if joints else ())
     return Recording(
-        mechanism=str(overall[-1][1].hardware_id).rpartition('/')[2] if overall else '',
+        mechanism=overall[-1][1].mechanism if overall else '',
         actuators=names,
         error=pairs(topics.POINTING_ERROR),
         reference=pairs(topics.POINTING_REFERENCE),
         rates=series_of(
             [(since(one.time), one.content.data) for one in heard[topics.COMMANDS]], len(names)
         ),
+        setpoints=series_of(
+            [(stamped(one), one.content.velocity) for one in heard[topics.JOINT_COMMANDS]],
+            len(names),
+        ),
         efforts=series_of(
             [(stamped(one), _in_order(one.content, names)) for one in joints], len(names)
         ),
         scalars={name: scalar(name) for name in topics.SCALARS},
         states=texts(topics.STATE),
-        healths=tuple(_health(time, status) for time, status in overall),
+        healths=tuple(Health(time, one.state, one.failures) for time, one in overall),
         phases=texts(topics.PHASE),
+        found=found,
         end=since(last),
+        origin=origin,
     )
+
+
+def _stamp(message: Message) -> int:
+    """Return the stamp (ns) of a ``message``, or when it came if its stamp is of another clock."""
+    stamp = message.content.header.stamp
+    nanoseconds = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return nanoseconds if abs(nanoseconds - message.time) < _SAME_CLOCK else message.time
+
+
+def _found(diagnostics: Iterable[Message], namespace: str, origin: int) -> tuple[Found, ...]:
+    """Return what detection said in all ``diagnostics`` about the robot in ``namespace``."""
+    found = []
+    for message in diagnostics:
+        time = (_stamp(message) - origin) * 1e-9
+        for status in message.content.status:
+            space, _, name = status.hardware_id.rpartition('/')
+            if status.name != DETECTION_STATUS or space != namespace.strip('/'):
+                continue
+            values = {pair.key: pair.value for pair in status.values}
+            mode = values.get(FAILURE_MODE) or values.get(SUSPECTED_MODE, '')
+            onset = _nanoseconds(values.get('onset', ''))
+            found.append(Found(
+                time, mode, name, FAILURE_MODE in values,
+                time if onset is None else (onset - origin) * 1e-9,
+            ))
+    return tuple(found)
+
+
+def _nanoseconds(text: str) -> int | None:
+    """Return the seconds since the epoch in ``text``, exactly, as nanoseconds."""
+    seconds, _, fraction = text.partition('.')
+    try:
+        return int(seconds) * 1_000_000_000 + int(fraction.ljust(9, '0')[:9])
+    except ValueError:
+        return None
 
 
 def _in_order(joint_state: Any, names: Sequence[str]) -> Sequence[float]:
@@ -153,7 +227,19 @@ def _in_order(joint_state: Any, names: Sequence[str]) -> Sequence[float]:
     return [efforts[found.index(name)] for name in names]
 
 
-def _health(time: float, status: Any) -> Health:
+def verdict_of(status: Any) -> Verdict:
+    """Return what the ``status`` of the mechanism in the metrics says."""
     values = {pair.key: pair.value for pair in status.values}
     failures = values.get('failures', '')
-    return Health(time, values.get('state', ''), tuple(failures.split(', ')) if failures else ())
+    return Verdict(
+        str(status.hardware_id).rpartition('/')[2], values.get('state', ''),
+        tuple(failures.split(', ')) if failures else (), values.get('suspected', ''),
+    )
+
+
+def verdict_in(metrics: Any) -> Verdict | None:
+    """Return what a message of ``metrics`` says of the mechanism; None if it does not."""
+    for status in metrics.status:
+        if status.name == _MECHANISM_STATUS:
+            return verdict_of(status)
+    return None

@@ -15,8 +15,10 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
+from fault_tolerance.analysis.delays import delay_sentences, milliseconds
 from fault_tolerance.analysis.demo_summary import summary, unrecovered_phases
-from fault_tolerance.analysis.figures import LABELS, report_figure
+from fault_tolerance.analysis.figures import report_figure
+from fault_tolerance.analysis.line_styles import LABELS
 from fault_tolerance.analysis.phases import TOLERANCES
 from fault_tolerance.analysis.runs import RECOVERED, Run
 from fault_tolerance.analysis.terminal import number
@@ -73,7 +75,7 @@ def report_page(run: Run, drawing: str) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<title>{name}: failures and recovery</title>\n<style>{_STYLE}</style>\n</head>\n'
         f'<body>\n<h1>{name}: failures and recovery</h1>\n'
-        f'<p class="verdict">{escape(verdict(result))}</p>\n'
+        f'<p class="verdict">{escape(verdict(result))}</p>\n{_noticed(result)}'
         f'<figure>{inline}</figure>\n{_table(result)}\n{_explanations(result)}\n</body>\n</html>\n'
     )
 
@@ -93,14 +95,24 @@ def verdict(result: Mapping[str, Any]) -> str:
     return words
 
 
+def _noticed(result: Mapping[str, Any]) -> str:
+    """Return a paragraph on what was noticed without a report; empty if nothing was."""
+    sentences = delay_sentences(result)
+    if not sentences:
+        return ''
+    words = 'Where a failure is unreported the controller has only the encoders to go by: it '
+    words += 'compares how far the drives were told to go with how far they went. '
+    return f'<p>{escape(words + " ".join(sentences))}</p>\n'
+
+
 def _table(result: Mapping[str, Any]) -> str:
     passes = list(result['phases'][0]['error_rms_urad'])
-    heads = ['', 'what has failed', 'state', 'p', 't', 'h']
+    heads = ['', 'what has failed', 'state', 'noticed after', 'p', 't', 'h']
     for what in ('error rms, µrad', 'largest force, N'):
         heads += [f'{what}{f", {LABELS[one]}" if len(passes) > 1 else ""}' for one in passes]
     rows = [
         [
-            str(index), phase['name'], phase['state'],
+            str(index), phase['name'], phase['state'], milliseconds(phase['detected'], '–'),
             *(number(phase['measures'].get(name), '.3f', '–') for name in TOLERANCES),
             *(number(phase['error_rms_urad'][one], '.1f', '–') for one in passes),
             *(number(phase['peak_force'][one], '.2f', '–') for one in passes),
@@ -125,6 +137,7 @@ def _explanations(result: Mapping[str, Any]) -> str:
     )
     entries = (
         ('pointing error', f'Angle between where the mirror points and the reference; {counted}.'),
+        ('noticed after', 'From the failure until the controller named it, without a report.'),
         ('largest force', 'Of all actuators, beyond the mean just before the phase.'),
         ('degraded', 'Goes on with kinematics derived anew without what has failed.'),
         ('stopped', 'What is left cannot do the task: all rates are zero.'),

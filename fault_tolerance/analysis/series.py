@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,3 +49,28 @@ def series_of(samples: Sequence[tuple[float, Sequence[float]]], columns: int = 0
         np.array([time for time, _ in alike], dtype=np.float64),
         np.array([values for _, values in alike], dtype=np.float64).reshape(-1, width),
     )
+
+
+class Span(NamedTuple):
+    """A text that held from ``begin`` to ``end``, seconds."""
+
+    begin: float
+    end: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The evidence for failures that nobody has reported, over ``time`` (k,), seconds.
+
+    ``odds`` by the name of the hypothesis (k,), NaN where it was none; ``threshold`` (k,) is what
+    convicts. ``findings`` are moments and sentences.
+    """
+
+    title: str
+    time: FloatArray
+    odds: dict[str, FloatArray]
+    threshold: FloatArray
+    findings: tuple[tuple[float, str], ...]
+    failures: tuple[Span, ...]
+    states: tuple[Span, ...]

@@ -12,6 +12,12 @@ from math import inf, sqrt
 WORDS = {'none': 'healthy', 'position': 'stuck', 'torque': 'free', 'hard': 'lost'}
 """What people call a failure."""
 
+SUSPECTED = {
+    **WORDS, 'encoder': 'encoder frozen', 'bias': 'encoder jumped', 'effectiveness': 'weak',
+    'sign': 'reversed', 'order': 'swapped',
+}
+"""The same of what may only be suspected."""
+
 LETTERS = {'position': 'p', 'torque': 't', 'hard': 'h'}
 """What the paper calls the measure of a failure."""
 
@@ -47,6 +53,19 @@ class Strut:
 
 
 @dataclass(frozen=True)
+class Suspect:
+    """What detection suspects.
+
+    ``candidates`` as ``position:theta_4``, the likeliest first: the readings do not tell them
+    apart, ``would_separate`` would. ``log_odds`` are against a healthy machine.
+    """
+
+    candidates: tuple[str, ...]
+    log_odds: float | None = None
+    would_separate: str = ''
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """Everything the live view shows.
 
@@ -54,7 +73,9 @@ class Snapshot:
     ``position:theta_4``, and so is ``worst_next``, the next failure that hurts most; it is empty
     if none is left. ``values`` are further numbers by the words for them. ``errors`` are the last
     pointing errors, radians, oldest first. ``fastest`` is the largest rate of late: full scale of
-    the bars. ``age`` is in seconds since the controller was last heard.
+    the bars. ``suspects`` are what detection suspects now; each of ``alike`` is a group of
+    failures it could not tell apart, with ``healthy`` in it if it would not notice them. ``age``
+    is in seconds since the controller was last heard.
     """
 
     title: str
@@ -68,6 +89,8 @@ class Snapshot:
     struts: tuple[Strut, ...] = ()
     errors: tuple[float, ...] = ()
     fastest: float = 0.0
+    suspects: tuple[Suspect, ...] = ()
+    alike: tuple[tuple[str, ...], ...] = ()
     age: float = 0.0
 
     @property

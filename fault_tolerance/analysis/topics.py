@@ -13,6 +13,7 @@ SCALARS = (
 
 JOINT_STATES = 'joint_states'
 COMMANDS = 'velocity_controller/commands'
+JOINT_COMMANDS = 'fault_tolerance/joint_commands'
 STATE = 'fault_tolerance/state'
 METRICS = 'fault_tolerance/metrics'
 POINTING_ERROR = 'pointing/error'
@@ -20,9 +21,13 @@ POINTING_REFERENCE = 'pointing/reference'
 PHASE = 'operator/phase'
 DIAGNOSTICS = '/diagnostics'
 
+PROBE = 'probe'
+"""The frame of joint commands that contain a probe."""
+
 RECORDED = {
     JOINT_STATES: 'sensor_msgs/msg/JointState',
     COMMANDS: 'std_msgs/msg/Float64MultiArray',
+    JOINT_COMMANDS: 'sensor_msgs/msg/JointState',
     STATE: 'std_msgs/msg/String',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
@@ -43,7 +48,8 @@ RECORDED = {
 """Types by name; a name that does not begin with a slash is relative to the robot's namespace."""
 
 _READ = (
-    *(JOINT_STATES, COMMANDS, STATE, METRICS, POINTING_ERROR, POINTING_REFERENCE, PHASE),
+    *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, METRICS),
+    *(POINTING_ERROR, POINTING_REFERENCE, PHASE),
     *(f'{METRICS}/{name}' for name in (*SCALARS, 'position')),
 )
 
@@ -51,9 +57,14 @@ _READ = (
 def split(topic: str) -> tuple[str, str] | None:
     """Return namespace (empty, or with a leading slash) and relative name of a full ``topic``.
 
-    None for a topic that nothing is read from.
+    None for a topic of which nothing is read, or that belongs to no robot.
     """
     for name in _READ:
         if topic.endswith(f'/{name}'):
             return topic[: -len(name) - 1], name
     return None
+
+
+def is_read(topic: str) -> bool:
+    """Return whether anything is read from a full ``topic``."""
+    return topic == DIAGNOSTICS or split(topic) is not None

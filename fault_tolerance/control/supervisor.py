@@ -79,14 +79,14 @@ class Supervisor:
         )
         self._machine = StateMachine()
         self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
-        self._estimate = self._model.unknown
+        self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
         self._plausibility = Plausibility(mechanism)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
         self._beside: tuple[FloatArray, FailureSet] | None = None
         self._paused = False
-        self._outdated = False
+        self._outdated = self._unread = False
         self._errors = 0
         self._now = -inf
         self._reported_at: float | None = None
@@ -139,7 +139,8 @@ class Supervisor:
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
             notice = unusable(self.mechanism, taken, self._ledger.failures.lost)
         notice = notice or self._readings.offer(taken, now, stamp)
-        self._outdated = self._outdated or notice is None
+        if notice is None:
+            self._outdated = self._unread = True
         return notice
 
     def task_velocity(
@@ -236,10 +237,12 @@ class Supervisor:
             found = self._estimate
             # Without anything new, too: so the first step after a failure finds its way cached.
             if readings.value is not None and (self._outdated or not stale):
-                found = self._estimate = estimate(self._model, found, readings.value, failures)
+                if self._unread:  # else from the same place again: the same to the last bit
+                    self._base, self._unread = found, False
+                base, values = self._base, readings.value
+                found = self._estimate = estimate(self._model, base, values, failures)
                 if self._outdated:
-                    self._unwatched = found.readings
-                self._outdated = False
+                    self._unwatched, self._outdated = found.readings, False
             degraded = found if failures.stuck or failures.free or failures.lost else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = 'paused' if self._paused else found.obstacle

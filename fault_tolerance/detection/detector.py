@@ -202,6 +202,10 @@ class Detector:
         """Record from the next readings on, until `end_probe`."""
         self._record = ProbeRecord()
 
+    def drop_probe(self) -> None:
+        """Forget what `begin_probe` has recorded: the probe has ended early."""
+        self._record = None
+
     def end_probe(self, stamp: int, strain: FloatArray) -> None:
         """Take what the probe along ``strain`` (N, r) has shown as evidence, at ``stamp`` (ns)."""
         record, self._record = self._record, None

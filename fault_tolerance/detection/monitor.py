@@ -70,6 +70,7 @@ class Monitor:
         self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
         self._failures = FailureSet()
         self._probe: Probe | None = None
+        self._wanted = False
         self._relief = Relief(mechanism, self.settings.relief)
         self._periods: deque[float] = deque(maxlen=SAMPLES)
         self._stamp = 0
@@ -88,7 +89,12 @@ class Monitor:
 
     @property
     def probing(self) -> bool:
-        """Whether a probe is under way."""
+        """Whether a probe is under way, or about to begin."""
+        return self.straining or self._wanted
+
+    @property
+    def straining(self) -> bool:
+        """Whether the next command contains a probe."""
         return self._probe is not None
 
     @property
@@ -96,8 +102,7 @@ class Monitor:
         """Whether what was found last is to be handled as if it had been reported."""
         if self.settings.detect != 'act' or not self.detector.suspicions:
             return False
-        last = self.detector.suspicions[-1]
-        return last.located and not last.moves_though_stuck(self._failures)
+        return self.detector.suspicions[-1].asks_to_act(self._failures)
 
     def forget(self) -> None:
         """Drop what has been found: the failures have been cleared."""
@@ -153,24 +158,13 @@ class Monitor:
         return found
 
     def request_probe(self) -> str:
-        """Start a probing sequence; return why it cannot be, empty if it has begun.
-
-        Returns
-        -------
-        str
-        """
+        """Let a probe begin with the next readings; return why not, empty if it will."""
         refusal = self.refusal()
-        if not refusal:
-            self._start()
+        self._wanted = not refusal
         return refusal
 
     def refusal(self) -> str:
-        """Return why nothing can be probed now; empty if it can.
-
-        Returns
-        -------
-        str
-        """
+        """Return why nothing can be probed now; empty if it can."""
         detector, mechanism = self.detector, self._mechanism
         if self.settings.detect == 'off':
             return 'detection is off'
@@ -237,7 +231,13 @@ class Monitor:
 
     def _is_due(self, stamp: int) -> bool:
         period = self.settings.probe_period
-        return period > 0.0 and stamp - self._probed > 1e9 * period and not self.refusal()
+        if not self._wanted and not 0.0 < 1e9 * period < stamp - self._probed:
+            return False
+        refusal = self.refusal()
+        if refusal and self._wanted:
+            self.finding = refusal
+        self._wanted = False
+        return not refusal
 
     def _start(self) -> None:
         stress = self._self_stress()
@@ -258,7 +258,9 @@ class Monitor:
         assert self._probe is not None
         if disturbed or self._probe.over:
             self._probed = self._stamp
-            if not disturbed:
+            if disturbed:
+                self.detector.drop_probe()
+            else:
                 self.detector.end_probe(self._stamp, self._probe.directions)
             self.finding = self._outcome(disturbed)
             self._probe, self.rates = None, None

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
 from fault_tolerance.kinematics.failures import FailureMode, FailureSet, failure_set
+from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.mechanism.description import Mechanism
 
 DETECTION = 'fault_tolerance: detection'
@@ -91,6 +92,25 @@ class Suspicion:
     def moves_though_stuck(self, failures: FailureSet) -> bool:
         """Return whether it is a drive that moves although ``failures`` say that it is stuck."""
         return self.verdict.symptom is Symptom.RUNAWAY and self.name in failures.stuck
+
+    def asks_to_act(self, failures: FailureSet) -> bool:
+        """Return whether it can be handled as if it had been reported, beside ``failures``."""
+        return self.located and not self.moves_though_stuck(failures)
+
+    def values(self, *, acting: bool, settled: bool = True) -> dict[str, str]:
+        """Return what a diagnostic status says about it, texts by key.
+
+        With ``acting`` what is ``settled`` and located carries a failure mode as a report does.
+        """
+        acted = acting and settled and self.located
+        return {
+            'failure_mode' if acted else 'suspected_mode': self.mode,
+            'candidates': ','.join(map(str, self.candidates)),
+            'log_odds': decimal(self.log_odds),
+            'onset': f'{self.onset // 10**9}.{self.onset % 10**9:09d}',
+            'travel': decimal(self.travel),
+            'would_separate': ', '.join(self.would_separate),
+        }
 
     def __str__(self) -> str:
         """Return a sentence."""

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What every stored array passes through."""
+"""What every stored array passes through, and numbers as text."""
 
 from __future__ import annotations
 
@@ -45,3 +45,10 @@ def frozen_array(
     if finite and not np.isfinite(array).all():
         raise ArrayError(name, 'holds a number that is not finite')
     return frozen(array)
+
+
+def decimal(value: float) -> str:
+    """Return ``value`` as text with nine significant digits and no exponent."""
+    if abs(value) < 1e-15:
+        return '0'
+    return np.format_float_positional(value, precision=9, fractional=False, trim='-')

@@ -15,6 +15,7 @@ import os
 import signal
 import sys
 import time
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -70,7 +71,8 @@ class Controller(Node):
             self, supervisor, prefix, self.deferred, self._silent.values
         )
         self._inputs = InputSubscriber(
-            self, supervisor, frame, *shared, self._cycle, self._silent.observe
+            self, supervisor, frame, *shared, partial(self._cycle, answers=True),
+            self._silent.observe,
         )
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
@@ -85,14 +87,15 @@ class Controller(Node):
         if startup.remark:
             self.get_logger().warning(startup.remark)
 
-    def _cycle(self, now: float) -> None:
-        """Compute and publish one command."""
+    def _cycle(self, now: float, *, answers: bool = False) -> None:
+        """Compute and publish one command; say whether it ``answers`` a joint state."""
         output = self._supervisor.step(now)
         self._commands.publish(output.command.rates, output.command.twist)
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
-        self._silent.command(output.command.rates)
+        answered = output.estimate.readings if answers else None
+        self._silent.command(output.command.rates, answered)
         for notice in self._supervisor.watch():
             self._health.warn(notice)
         self._publish_later(output, now)

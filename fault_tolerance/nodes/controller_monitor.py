@@ -17,7 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from std_msgs.msg import Float64MultiArray, String
 
 from fault_tolerance.analysis import topics
-from fault_tolerance.analysis.snapshot import Actuator, Snapshot, Strut
+from fault_tolerance.analysis.recorded_data import DETECTION_STATUS
+from fault_tolerance.analysis.snapshot import Actuator, Snapshot, Strut, Suspect
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
@@ -27,6 +28,9 @@ ERRORS_KEPT = 300
 
 REFRESH_PERIOD = 0.2
 """Seconds between two pictures."""
+
+SUSPICIONS_KEPT = 1.5
+"""Seconds for which a suspicion is shown; a controller repeats it every second."""
 
 # Decay per command of the largest recent rate: half in about a second at 100 Hz.
 _FORGETTING = 0.993
@@ -50,6 +54,8 @@ class ControllerMonitor:
         self._state = ''
         self._heard = monotonic()
         self._metrics: DiagnosticArray | None = None
+        self._suspects: tuple[Suspect, ...] = ()
+        self._suspected = -math.inf
         self._rates: list[float] = []
         self._fastest = 0.0
         self._errors: deque[float] = deque(maxlen=ERRORS_KEPT)
@@ -57,6 +63,7 @@ class ControllerMonitor:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(String, topics.STATE, self._take_state, latched)
         node.create_subscription(DiagnosticArray, topics.METRICS, self._take_metrics, 10)
+        node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._take_diagnostics, 10)
         node.create_subscription(Float64MultiArray, topics.COMMANDS, self._take_rates, 10)
         node.create_subscription(
             Vector3Stamped, topics.POINTING_ERROR, self._take_error, qos_profile_sensor_data
@@ -90,6 +97,11 @@ class ControllerMonitor:
             ),
             errors=tuple(self._errors),
             fastest=self._fastest,
+            suspects=self._suspects if monotonic() - self._suspected < SUSPICIONS_KEPT else (),
+            alike=tuple(
+                tuple(group.split(', '))
+                for group in filter(None, overall.get('not_told_apart', '').split('; '))
+            ),
             age=monotonic() - self._heard,
         )
 
@@ -123,6 +135,18 @@ class ControllerMonitor:
         self._metrics = message
         self._heard = monotonic()
 
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take what detection suspects on this robot."""
+        place = self._namespace.strip('/')
+        if self._metrics is not None and self._metrics.status:
+            place = self._metrics.status[0].hardware_id.rpartition('/')[0]
+        found = [
+            _suspect(status) for status in message.status
+            if status.name == DETECTION_STATUS and status.hardware_id.rpartition('/')[0] == place
+        ]
+        if found:
+            self._suspects, self._suspected = tuple(found), monotonic()
+
     def _take_rates(self, message: Float64MultiArray) -> None:
         self._rates = message.data.tolist()
         largest = max((abs(rate) for rate in self._rates), default=0.0)
@@ -137,6 +161,15 @@ class ControllerMonitor:
 
 def _values(status: DiagnosticStatus | None) -> dict[str, str]:
     return {pair.key: pair.value for pair in status.values} if status else {}
+
+
+def _suspect(status: DiagnosticStatus) -> Suspect:
+    values = _values(status)
+    candidates = tuple(filter(None, values.get('candidates', '').split(',')))
+    return Suspect(
+        candidates or (status.hardware_id.rpartition('/')[2],),
+        _number(values.get('log_odds')), values.get('would_separate', ''),
+    )
 
 
 def _number(text: str | None) -> float | None:

@@ -29,6 +29,9 @@ PERIODS = 3
 START_UP = 1.2
 """Seconds from rest to steady tracking of the circle."""
 
+ENGAGEMENT = 0.6
+"""Seconds in which a repaired part takes up its load: twelve of its time constants."""
+
 _START_PATIENCE = 30.0
 _PATIENCE = 8.0
 _STEP = 0.05
@@ -37,13 +40,15 @@ _STEP = 0.05
 class DemoPass:
     """One pass through all phases, with the ``nodes`` running.
 
-    ``executor`` spins the ``operator``; ``console`` gets progress and results.
+    ``executor`` spins the ``operator``; ``console`` gets progress and results; the controller
+    ``detects`` what nobody reports, or does not.
     """
 
     def __init__(
         self, mechanism: Mechanism, operator: OperatorClient, executor: Executor,
-        nodes: NodeProcesses, console: Console,
+        nodes: NodeProcesses, console: Console, *, detects: bool,
     ) -> None:
+        self._detects = detects
         self._mechanism = mechanism
         self._operator = operator
         self._executor = executor
@@ -54,7 +59,7 @@ class DemoPass:
         self._shown = 0.0
 
     def go_through(self, phases: Sequence[Phase]) -> None:
-        """Run the ``phases``, and repair all faults between two of them.
+        """Run the ``phases``, and repair the faults between two of them.
 
         Raises `FaultToleranceError` if a node exits or does not answer.
         """
@@ -68,16 +73,17 @@ class DemoPass:
             for phase in phases:
                 self._show_phase(phase)
                 if phase.failures and phase is not phases[-1]:
-                    self._mend()
+                    self._mend(phase)
 
     def _show_phase(self, phase: Phase) -> None:
         operator = self._operator
         self._console.print(f'[bold]{phase.name}[/bold]')
         self._pass(LISTENING)
-        operator.note(note_as_text(Note(phase, SETTLING, PERIOD)))
+        stamp = operator.get_clock().now().nanoseconds
+        operator.note(note_as_text(Note(phase, SETTLING, PERIOD, stamp)))
         for words in phase.words:
             operator.inject(words)
-        if phase.failures:
+        if phase.failures and (self._detects or not phase.silent):
             tolerable = phase.is_tolerable(self._mechanism)
             self._wait_for_state('degraded' if tolerable else 'stopped')
         self._pass(SETTLING + PERIODS * PERIOD)
@@ -87,22 +93,27 @@ class DemoPass:
         words = '' if error is None else f'; pointing error {1e6 * error:.1f} urad rms of late'
         self._console.print(f'    {operator.state}{words}')
 
-    def _mend(self) -> None:
-        """Repair all faults with the mirror at rest.
+    def _mend(self, phase: Phase) -> None:
+        """Repair the faults of ``phase`` with the mirror at rest.
 
         A repaired drive gets rate 0 until its failure is cleared: in motion it would block the
-        others.
+        others. What it does while it takes up its load nobody has commanded: a controller that
+        notices failures has to be told to forget it.
         """
         operator = self._operator
         self._wait(operator.pause(True), 'an answer', _PATIENCE)
-        operator.inject('ok all')
-        # The drives' reports of health may arrive after the first request.
+        for words in phase.mending:
+            operator.inject(words)
+        self._pass(ENGAGEMENT)
         deadline = monotonic() + _PATIENCE
-        while operator.active_failures != 0:
-            if monotonic() > deadline:
-                raise FaultToleranceError('the failures could not be cleared')
+        while True:
             self._wait(operator.clear(), 'an answer', _PATIENCE)
             self._pass(2.0 * _STEP)
+            if operator.active_failures == 0 and operator.state != 'stopped':
+                break
+            # The drives' reports of health may arrive after the first request.
+            if monotonic() > deadline:
+                raise FaultToleranceError('the failures could not be cleared')
         self._wait(operator.pause(False), 'an answer', _PATIENCE)
         self._wait_for_state('nominal')
         self._pass(START_UP)

@@ -76,12 +76,15 @@ def _one_pass(
     namespace = '' if recovery else UNRECOVERED
     parameters = {
         'fsm_simulator': {'mechanism': MECHANISM, 'engine': engine},
-        'controller': {'mechanism': MECHANISM, 'recovery': recovery},
+        'controller': {
+            'mechanism': MECHANISM, 'recovery': recovery, 'detect': 'act' if recovery else 'off'
+        },
         'pointing_reference': {'mechanism': MECHANISM},
     }
     with spun(lambda: OperatorClient(namespace)) as (operator, executor):
         recorder = Recorder(operator)
         with NodeProcesses(parameters, namespace) as nodes:
             mechanism = mechanism_named(MECHANISM)
-            DemoPass(mechanism, operator, executor, nodes, console).go_through(phases)
+            one = DemoPass(mechanism, operator, executor, nodes, console, detects=recovery)
+            one.go_through(phases)
             return recorder.samples

@@ -23,15 +23,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
 from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.measured_pose import pose_of
 
 FAILURE_MODE_KEY = 'failure_mode'
 """The key that makes a diagnostic status a failure report."""
-
-MAX_POSITION = 1e6
-"""Metres; a pose farther away is rejected."""
-
-UNIT_TOLERANCE = 0.01
-"""Largest error of the norm of a quaternion: rounded ones pass."""
 
 
 class StatusMode(NamedTuple):
@@ -65,21 +60,10 @@ def twist_to_msg(stamp: Time, frame: str, twist: FloatArray) -> TwistStamped:
 def pose_from_msg(message: PoseStamped) -> FloatArray:
     """Return the pose in a ``message`` as a homogeneous transform (4, 4), metres.
 
-    Raises ValueError if a number is not finite, the position too far away, or the norm of the
-    quaternion not 1.
+    Raises ValueError as `pose_of` does.
     """
     position, turn = message.pose.position, message.pose.orientation
-    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
-    pose = np.eye(4)
-    pose[:3, 3] = position.x, position.y, position.z
-    if not (np.isfinite(pose).all() and np.isfinite(quaternion).all()):
-        raise ValueError('the pose is not finite')
-    if (np.abs(pose) > MAX_POSITION).any():
-        raise ValueError(f'the position is more than {MAX_POSITION:g} m away')
-    if abs(np.linalg.norm(np.clip(quaternion, -2.0, 2.0)) - 1.0) > UNIT_TOLERANCE:
-        raise ValueError('the norm of the quaternion is not 1')
-    pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-    return pose
+    return pose_of((position.x, position.y, position.z), (turn.x, turn.y, turn.z, turn.w))
 
 
 def pose_to_msg(stamp: Time, frame: str, pose: FloatArray) -> PoseStamped:
@@ -150,10 +134,3 @@ def modes_from_msg(message: DiagnosticArray) -> Iterator[StatusMode]:
             if pair.key == FAILURE_MODE_KEY:
                 level = int.from_bytes(status.level, 'little')
                 yield StatusMode(status.name, status.hardware_id, level, pair.value)
-
-
-def decimal(value: float) -> str:
-    """Return ``value`` as text with nine significant digits and no exponent."""
-    if abs(value) < 1e-15:
-        return '0'
-    return np.format_float_positional(value, precision=9, fractional=False, trim='-')

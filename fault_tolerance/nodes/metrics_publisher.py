@@ -14,9 +14,9 @@ from std_msgs.msg import Float64, Float64MultiArray
 
 from fault_tolerance.control.failure_reports import ERROR, OK, WARN
 from fault_tolerance.control.metrics import ActuatorMetrics, Metrics, StrutMetrics
+from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.messages import (
-    decimal,
     diagnostics_to_msg,
     labelled_array_to_msg,
     status_to_msg,

@@ -52,7 +52,7 @@ class Recorder:
 def decoded(samples: Iterable[Sample]) -> Iterator[Message]:
     """Yield each of ``samples`` deserialised, except those of unknown topics."""
     for topic, kind, received, data in samples:
-        if topics.split(topic):
+        if topics.is_read(topic):
             yield Message(topic, received, deserialize_message(data, message_class(kind)))
 
 

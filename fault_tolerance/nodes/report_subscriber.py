@@ -89,7 +89,7 @@ class ReportSubscriber:
         stamp = message if seconds is not None else self._timeline.stamp()
         # What the controller has found itself it knows already.
         found = (report_of(*mode, seconds, prefix=self._prefix, names=self._names)
-                 for mode in message.modes if mode.name != DETECTION)
+                 for mode in message.modes if mode[0] != DETECTION)
         reports = [report for report in found if report is not None]
         return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')
 

@@ -21,6 +21,7 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from fault_tolerance.analysis.topics import PROBE
 from fault_tolerance.closed_loop import detected
 from fault_tolerance.control.failure_reports import ERROR, WARN
 from fault_tolerance.control.joint_states import JointStateReader
@@ -33,19 +34,16 @@ from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, decimal
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (
-    decimal,
+    FAILURE_MODE_KEY,
     diagnostics_to_msg,
     pose_from_msg,
     status_to_msg,
 )
 from fault_tolerance.nodes.parameters import settings_from
 from fault_tolerance.nodes.timeline import TimeLine
-
-PROBE = 'probe'
-"""The frame of commands that contain a probe, for those who replay a recording."""
 
 PERIOD = 1.0
 """Seconds between two publications of what is suspected."""
@@ -88,10 +86,10 @@ class SilentFailures:
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
         self.monitor = Monitor(mechanism, settings)
-        self._acting = settings.detect == 'act'
         self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
+        self._acted: set[Suspicion] = set()
         self._waiting: list[tuple[Trigger.Response, Any]] = []
         self._commands = node.create_publisher(JointState, '~/joint_commands', 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -105,14 +103,19 @@ class SilentFailures:
             )
         node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def command(self, rates: FloatArray) -> None:
-        """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named."""
+    def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
+        """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
+
+        ``answered`` (N,) are the readings they answer, from home; None: something else.
+        """
         now = self._clock.now()
         self.monitor.detector.command(now.nanoseconds, rates)
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
-            message.header.frame_id = PROBE if self.monitor.probing else ''
+            message.header.frame_id = PROBE if self.monitor.straining else ''
+            if answered is not None:
+                message.position = self._mechanism.readings_from_values(answered).tolist()
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
             self._commands.publish(message)
 
@@ -153,6 +156,7 @@ class SilentFailures:
     def _act(self, suspicion: Suspicion) -> None:
         """Handle what has been found as any report."""
         now = self._timeline.now()
+        self._acted = self._acted.intersection(self.monitor.detector.suspicions) | {suspicion}
         if self._supervisor.reports([detected(suspicion, now)], now):
             self._cycle(now)
             self._health.count('reconfigurations')
@@ -214,25 +218,18 @@ class SilentFailures:
     def _publish(self) -> None:
         """Publish every suspicion, and what is about to become one."""
         detector = self.monitor.detector
-        found = [self._status(one, settled=True) for one in detector.suspicions]
+        found = [self._status(one) for one in detector.suspicions]
         if detector.forming is not None:
-            found.append(self._status(detector.forming, settled=False))
+            found.append(self._status(detector.forming))
         if found:
             self._diagnostics.publish(diagnostics_to_msg(self._clock.now().to_msg(), found))
 
-    def _status(self, suspicion: Suspicion, *, settled: bool) -> Any:
-        acted = self._acting and settled and suspicion.located
+    def _status(self, suspicion: Suspicion) -> Any:
+        # What is not acted on must not look like a report: others may listen.
+        values = suspicion.values(acting=suspicion in self._acted)
         return status_to_msg(
-            DETECTION, f'{self._prefix}{suspicion.name}', ERROR if acted else WARN,
-            str(suspicion),
-            {
-                'failure_mode' if acted else 'suspected_mode': suspicion.mode,
-                'candidates': ','.join(map(str, suspicion.candidates)),
-                'log_odds': decimal(suspicion.log_odds),
-                'onset': f'{suspicion.onset // 10**9}.{suspicion.onset % 10**9:09d}',
-                'travel': decimal(suspicion.travel),
-                'would_separate': ', '.join(suspicion.would_separate),
-            },
+            DETECTION, f'{self._prefix}{suspicion.name}',
+            ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,
         )
 
 

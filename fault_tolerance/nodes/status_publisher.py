@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.nodes.messages import decimal
+from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
 

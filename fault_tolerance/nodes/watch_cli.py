@@ -61,11 +61,12 @@ def _on_screen(monitor: ControllerMonitor, console: Console) -> Iterator[None]:
 
 
 def _in_lines(monitor: ControllerMonitor, console: Console) -> Iterator[None]:
-    """Print a line when the verdict changes, and periodically."""
+    """Print a line when the verdict or the suspicion changes, and periodically."""
     begin, printed, before = monotonic(), -math.inf, None
     while True:
         snapshot, now = monitor.snapshot(), monotonic()
-        verdict = (snapshot.state, snapshot.reason)
+        suspects = tuple(one.candidates for one in snapshot.suspects)
+        verdict = (snapshot.state, snapshot.reason, suspects)
         # The reason is empty until the metrics have followed the state.
         changed = verdict != before and (snapshot.reason or not snapshot.state)
         if changed or now - printed >= _LINE_PERIOD:

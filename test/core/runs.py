@@ -17,11 +17,13 @@ from fault_tolerance.analysis.runs import Run, run_of
 from fault_tolerance.analysis.topics import SCALARS
 
 ACTUATORS = ('theta_1', 'theta_2', 'theta_3', 'theta_4')
-STATES = ('nominal', 'degraded', 'degraded', 'degraded', 'degraded', 'stopped')
+STATES = ('nominal', 'degraded', 'degraded', 'degraded', 'degraded', 'degraded', 'stopped')
 PRELOAD = np.array([1.0, 2.0, 3.0, 4.0])
 RATE = 50
 BEFORE, LENGTH, AFTER = 1.0, 4.0, 0.5
 SECOND = 1_000_000_000
+NOTICED_AFTER = 0.02
+"""Seconds until a silent failure is named in the first pass."""
 
 
 def stamped(time: int, **fields: Any) -> Fields:
@@ -41,6 +43,17 @@ def metrics(time: int, state: str, failures: Sequence[str]) -> Fields:
     )])
 
 
+def suspicion(time: int, onset: int, mode: str, hardware_id: str, acted: bool = True) -> Fields:
+    values = {
+        'failure_mode' if acted else 'suspected_mode': mode,
+        'onset': f'{onset // SECOND}.{onset % SECOND:09d}',
+    }
+    return stamped(time, status=[Fields(
+        name='fault_tolerance: detection', hardware_id=hardware_id, message='',
+        values=[Fields(key=key, value=value) for key, value in values.items()],
+    )])
+
+
 def messages(
     phases: Sequence[Phase] = PHASES,
     states: Sequence[str] = STATES,
@@ -49,12 +62,13 @@ def messages(
     error: float = 1e-6,
     force: float = 0.5,
     noted: bool = True,
+    notices: bool = True,
     changes: dict[int, dict[str, float]] | None = None,
 ) -> Iterator[Message]:
     """Yield what is heard of a mirror on a circle with a constant error about x.
 
     One actuator pulls with ``force`` less than its preload once a phase; ``changes`` gives
-    phases another error.
+    phases another error. If it ``notices``, silent failures are named `NOTICED_AFTER`.
     """
     def message(topic: str, time: int, content: Any) -> Message:
         return Message(f'{namespace}/{topic}', time, content)
@@ -71,13 +85,16 @@ def messages(
             inside = begin <= now < end
             if now == begin:
                 if noted:
-                    text = note_as_text(Note(phase, 1.0, 1.0))
+                    text = note_as_text(Note(phase, 1.0, 1.0, now))
                     yield message('operator/phase', now, Fields(data=text))
                 yield message('fault_tolerance/state', now, Fields(data=state))
             if now == end:
                 if noted:
                     yield message('operator/phase', now, Fields(data=''))
                 yield message('fault_tolerance/state', now, Fields(data='nominal'))
+            if notices and phase.silent and now == begin + round(NOTICED_AFTER * SECOND):
+                (mode, name), place = phase.failures[0], f'{namespace}/'.removeprefix('/')
+                yield Message('/diagnostics', now, suspicion(now, begin, mode, f'{place}{name}'))
             if step % 10 == 0:
                 told = (state, failures) if inside else ('nominal', [])
                 yield message('fault_tolerance/metrics', now, metrics(now, *told))
@@ -96,8 +113,10 @@ def messages(
             # In an order of its own, as a joint state may be.
             yield message('joint_states', now, stamped(
                 now, name=list(reversed(ACTUATORS)), effort=efforts[::-1].tolist()))
-            yield message('velocity_controller/commands', now, Fields(
-                data=(1e-4 * np.sin(angle + np.arange(4.0))).tolist()))
+            rates = (1e-4 * np.sin(angle + np.arange(4.0))).tolist()
+            yield message('velocity_controller/commands', now, Fields(data=rates))
+            yield message('fault_tolerance/joint_commands', now, stamped(
+                now, name=list(ACTUATORS), velocity=rates))
         clock = end + round(AFTER * SECOND)
 
 
@@ -109,5 +128,7 @@ def demonstration(**options: Any) -> Run:
     """Return a run whose second pass has 300 times the error."""
     return run_of({
         '': recording(**options),
-        '/unrecovered': recording(namespace='/unrecovered', **{**options, 'error': 3e-4}),
+        '/unrecovered': recording(
+            namespace='/unrecovered', **{**options, 'error': 3e-4, 'notices': False}
+        ),
     })

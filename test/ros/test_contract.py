@@ -24,6 +24,9 @@ PUBLISHED = {
     'velocity_controller/commands': (
         'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
     ),
+    'fault_tolerance/joint_commands': (
+        'fault_tolerance', 'sensor_msgs/msg/JointState', RELIABLE
+    ),
     'fault_tolerance/state': ('fault_tolerance', 'std_msgs/msg/String', RELIABLE),
     'fault_tolerance/metrics': (
         'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticArray', RELIABLE
@@ -60,6 +63,7 @@ SUBSCRIBED = {
 SERVICES = {
     'fault_tolerance/clear_failures': 'std_srvs/srv/Trigger',
     'fault_tolerance/pause': 'std_srvs/srv/SetBool',
+    'fault_tolerance/probe': 'std_srvs/srv/Trigger',
 }
 
 
@@ -137,7 +141,8 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
         'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
-        'rate_jump', 'out_of_range', 'inconsistent',
+        'rate_jump', 'out_of_range', 'inconsistent', 'suspected', 'not_told_apart',
+        'undetectable', 'latent_since_probe', 'internal_force',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]

@@ -15,7 +15,9 @@ from geometry_msgs.msg import Vector3Stamped
 from node_rig import Plant, Probe
 from rclpy.qos import qos_profile_sensor_data
 
-from fault_tolerance.nodes.controller_monitor import ControllerMonitor
+from fault_tolerance.analysis.snapshot import Suspect
+from fault_tolerance.nodes.controller_monitor import SUSPICIONS_KEPT, ControllerMonitor
+from fault_tolerance.nodes.messages import diagnostics_to_msg, status_to_msg
 
 NAMES = ['theta_1', 'theta_2', 'theta_3', 'theta_4']
 WATCH = [sys.executable, '-m', 'fault_tolerance', 'watch']
@@ -52,6 +54,9 @@ def test_it_tells_how_things_stand(robot, start):
     assert (first.position, first.torque) == pytest.approx((3**-0.5, 0.5))
     assert (first.limit, first.unit) == (0.05, 'm/s')
     assert healthy.struts[2].hard == pytest.approx(0.5)
+    robot.wait(lambda: (plant.step(), monitor.snapshot().alike)[1], 'what looks alike')
+    (unseen,) = monitor.snapshot().alike
+    assert {'healthy', 'torque:theta_1', 'hard:strut_4'} <= set(unseen)
 
     plant.report('position', 'robot/theta_4')
     robot.wait_for_state('degraded')
@@ -77,6 +82,27 @@ def test_it_tells_how_things_stand(robot, start):
 
     robot.wait(heard, 'a pointing error')
     assert monitor.snapshot().rms_error == pytest.approx(5e-6)
+
+
+def test_it_tells_what_is_suspected_for_as_long_as_it_is_said(robot):
+    monitor = ControllerMonitor(robot.node)
+    values = {'suspected_mode': 'position', 'candidates': 'position:theta_4,encoder:theta_4',
+              'log_odds': '31.5', 'would_separate': 'pose'}
+    statuses = [
+        status_to_msg(name, hardware_id, 1, '', values)
+        for name, hardware_id in (
+            ('fault_tolerance: detection', 'robot/theta_4'),
+            ('fault_tolerance: detection', 'theta_4'),
+            ('fsm: theta_4', 'robot/theta_4'),
+        )
+    ]
+    monitor._take_diagnostics(diagnostics_to_msg(robot.node.get_clock().now().to_msg(), statuses))
+    assert monitor.snapshot().suspects == (
+        Suspect(('position:theta_4', 'encoder:theta_4'), 31.5, 'pose'),)
+    monitor._take_diagnostics(DiagnosticArray())
+    assert monitor.snapshot().suspects
+    monitor._suspected -= SUSPICIONS_KEPT
+    assert monitor.snapshot().suspects == ()
 
 
 def test_metrics_that_make_no_sense_are_survived(robot):

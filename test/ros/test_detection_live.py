@@ -76,7 +76,9 @@ def test_a_silent_stuck_drive_is_named_and_handled(start, probe):
     assert begun - 0.05 < float(values['onset']) < begun + 1.0
     probe.wait_for_state('degraded')
     probe.spin(2.0)
-    assert machine.error_rms < 60e-6  # 350 without
+    # 350 urad without. How soon is a matter of how busy the machine is; test_silent_failures.py
+    # in core/ has the figure.
+    assert machine.error_rms < 200e-6
     assert probe.state == 'degraded'
     probe.wait(lambda: 'position:theta_4' in probe.mechanism['failures'], 'the metrics')
     assert 'position:theta_4' in probe.mechanism['suspected']

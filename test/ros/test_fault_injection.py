@@ -377,7 +377,7 @@ def test_the_drive_of_a_silently_lost_strut_goes_on(bench):
 def test_encoders_of_the_motors_read_drives_that_stick_now_and_then(start, another):
     bench = Bench(another, start(
         'fsm_simulator', 'another', mechanism='fsm_4_strut', encoders='motor', encoder_noise=0.0,
-        encoder_bias=1e-3, breakaway=1e-4, weak_share=0.25, runaway_rate=0.02,
+        encoder_bias=1e-3, breakaway=1e-4, weak_share=0.25, runaway_rate=0.002,
         **{'faults.theta_1': 'silent stuck', 'faults.theta_3': 'silent runaway'},
     ))
     bench.inject('silent biased theta_4')

@@ -15,9 +15,9 @@ from hypothesis.extra.numpy import arrays
 from rclpy.serialization import deserialize_message, serialize_message
 from scipy.spatial.transform import Rotation
 
+from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.messages import (
     array_to_msg,
-    decimal,
     diagnostics_to_msg,
     joint_state_to_msg,
     labelled_array_to_msg,

@@ -25,14 +25,14 @@ SETTLING = 1.0
 class Scan:
     """A mirror that draws circles of 1 mrad at 1 Hz, and how far it is from them."""
 
-    def __init__(self, probe: Probe, start, recovery: bool) -> None:
+    def __init__(self, probe: Probe, start, recovery: bool, **controller: object) -> None:
         self.probe = probe
         self._processes = [
             start('fsm_simulator', use_sim_time=True),
             start('pointing_reference', use_sim_time=True),
             # These two count in real time, in which nothing is to happen here.
             start('controller', use_sim_time=True, recovery=recovery,
-                  joint_state_timeout=30.0, command_timeout=30.0),
+                  joint_state_timeout=30.0, command_timeout=30.0, **controller),
         ]
         self.errors = probe.heard(Vector3Stamped, 'pointing/error', qos_profile_sensor_data)
         self.joint_states = probe.joint_states()
@@ -64,8 +64,17 @@ class Scan:
         return errors, force
 
     def stick(self) -> None:
-        self._faults.publish(String(data='stuck theta_4'))
+        self.inject('stuck theta_4')
         self.probe.wait_for_state('degraded')
+
+    def inject(self, words: str) -> None:
+        self._faults.publish(String(data=words))
+
+    def run(self, duration: float) -> None:
+        self._clock.run(duration)
+
+    def run_until(self, condition, what: str) -> None:
+        self._clock.run_until(condition, what)
 
     def end(self) -> None:
         self._clock.close()
@@ -94,6 +103,33 @@ def test_a_stuck_strut_costs_nothing_with_recovery_and_a_lot_without(start, prob
     assert stuck[True] <= 1.2 * healthy[True] + 2e-6
     assert stuck[False] >= 8.0 * healthy[False]
     assert force[True] <= 0.1 * force[False]
+
+
+def test_a_silent_failure_is_noticed_and_its_repair_is_not_another_one(start, probe):
+    scan = Scan(probe, start, True, detect='act', report_timeout=0.5)
+    scan.run(SETTLING)
+    scan.inject('silent stuck theta_4')
+    scan.run_until(lambda: probe.state == 'degraded', 'the failure to be noticed')
+    scan.run(0.5)
+    assert probe.mechanism['failures'] == 'position:theta_4'
+    assert probe.mechanism['suspected'] == 'position:theta_4'
+    probe.pause(True)
+    # The drive moves while it takes up its load, and nobody has told it to.
+    scan.inject('ok theta_4')
+    scan.run(1.0)
+    assert 'stopped' not in probe.states
+
+    def released():
+        scan.run(0.1)
+        probe.clear()
+        return probe.mechanism['failures'] == ''
+
+    scan.run_until(released, 'the release of the failure')
+    probe.pause(False)
+    scan.run_until(lambda: probe.state == 'nominal', 'nominal')
+    scan.run(1.0)
+    assert (probe.state, probe.mechanism['suspected']) == ('nominal', '')
+    scan.end()
 
 
 def test_a_controller_that_is_restarted_learns_of_the_failures_again(start, probe):

@@ -98,6 +98,11 @@ def test_a_parameter_nobody_knows_is_warned_of(start):
         time.sleep(0.01)
 
 
+def test_the_bare_word_off_is_no_boolean(start, probe):
+    start('controller', detect='off')
+    assert probe.parameter('fault_tolerance', 'detect') == 'off'
+
+
 def least_time_to_end(running, number, ended) -> float:
     """Return the least time a node took to end by a signal: the machine itself only adds to it."""
     took = []

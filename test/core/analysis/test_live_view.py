@@ -15,8 +15,10 @@ from fault_tolerance.analysis.snapshot import (
     Actuator,
     Snapshot,
     Strut,
+    Suspect,
     with_prefix,
 )
+from fault_tolerance.analysis.suspicion_text import alike_text, suspect_text, unseen_text
 from fault_tolerance.control.settings import Settings
 
 HEALTHY = Snapshot(
@@ -52,8 +54,16 @@ STOPPED = replace(
     HEALTHY, state='stopped', reason='theta_1, theta_2 stuck; wx cannot be given independently',
     failures=('position:theta_1', 'position:theta_2'), worst_next='', errors=(1e-3, 2e-3),
 )
+SUSPICIOUS = replace(
+    DEGRADED,
+    suspects=(Suspect(('position:theta_4', 'encoder:theta_4'), 31.24, 'pose'),),
+    alike=(('healthy', *(f'torque:{name}' for name in ('theta_1', 'theta_4')),
+            'hard:strut_1', 'hard:strut_4'),
+           *((f'position:{name}', f'torque:{name}') for name in ('theta_1', 'theta_4'))),
+)
 SILENT = Snapshot('fault_tolerance')
-STATES = {'healthy': HEALTHY, 'degraded': DEGRADED, 'stopped': STOPPED, 'silent': SILENT}
+STATES = {'healthy': HEALTHY, 'degraded': DEGRADED, 'stopped': STOPPED, 'silent': SILENT,
+          'suspicious': SUSPICIOUS}
 
 
 def shown(snapshot, width, encoding='utf-8', **options):
@@ -149,6 +159,37 @@ def test_a_terminal_without_unicode_gets_letters_it_knows():
         assert text.isascii()
         assert 'DEGRADED' in text
     assert '####' in shown(DEGRADED, 120, encoding='ascii')
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'ascii'])
+def test_what_is_suspected_and_what_is_not_seen_is_said(encoding):
+    text = shown(SUSPICIOUS, 80, encoding)
+    for words in ('suspected: log odds 31: theta_4 stuck or encoder frozen (to tell: pose)',
+                  'would not be noticed: any drive free, any strut lost',
+                  'would look the same: each drive: stuck = free'):
+        assert words in text, words
+    assert 'suspected: log odds 31: theta_4 stuck or encoder frozen' in plain_line(SUSPICIOUS)
+    for words in ('suspected', 'noticed', 'look the same'):
+        assert words not in shown(HEALTHY, 80, encoding)
+
+
+@pytest.mark.parametrize(('candidates', 'words'), [
+    (('position:a',), 'a stuck'),
+    (('hard:s_1', 'hard:s_2'), 's_1 or s_2 lost'),
+    (('torque:a', 'hard:s'), 'a free or s lost'),
+    (('order:a+b',), 'a+b swapped'),
+    (('runaway:a',), 'a runaway'),
+])
+def test_a_group_is_named_in_few_words(candidates, words):
+    assert suspect_text(Suspect(candidates)) == words
+
+
+def test_groups_of_several_parts_are_named_too():
+    few = replace(HEALTHY, alike=(('healthy', 'torque:theta_1', 'torque:theta_2'),
+                                  ('hard:strut_1', 'hard:strut_2'),
+                                  ('position:theta_3', 'encoder:theta_3')))
+    assert unseen_text(few) == 'theta_1 theta_2 free'
+    assert alike_text(few) == 'theta_3: stuck = encoder frozen; strut_1 = strut_2 lost'
 
 
 def test_the_plain_line_says_the_same_in_one():

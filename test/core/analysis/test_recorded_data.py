@@ -4,7 +4,15 @@
 
 import numpy as np
 import pytest
-from core.runs import ACTUATORS, PRELOAD, SECOND, messages, recording
+from core.runs import (
+    ACTUATORS,
+    NOTICED_AFTER,
+    PRELOAD,
+    SECOND,
+    messages,
+    recording,
+    suspicion,
+)
 
 from fault_tolerance.analysis.demo_summary import PHASES
 from fault_tolerance.analysis.phases import (
@@ -17,10 +25,11 @@ from fault_tolerance.analysis.phases import (
 from fault_tolerance.analysis.recorded_data import Message, recordings_of
 from fault_tolerance.analysis.runs import run_of
 from fault_tolerance.analysis.series import Series, series_of
-from fault_tolerance.analysis.topics import RECORDED, split
+from fault_tolerance.analysis.topics import RECORDED, is_read, split
 from fault_tolerance.errors import FaultToleranceError
 
-TWO = {'phases': PHASES[:2], 'states': ('nominal', 'degraded')}
+TWO = {'phases': PHASES[:3:2], 'states': ('nominal', 'degraded')}
+SILENT = {'phases': PHASES[:2], 'states': ('nominal', 'degraded')}
 
 
 def test_series_are_cut_and_shifted():
@@ -48,7 +57,8 @@ def test_topics_are_split_into_robot_and_name():
     assert split('/joint_states') == ('', 'joint_states')
     assert split('/my_joint_states') is None
     assert split('/diagnostics') is None
-    assert '/diagnostics' in RECORDED
+    assert '/diagnostics' in RECORDED and is_read('/diagnostics')
+    assert not is_read('/my_joint_states')
 
 
 def test_a_recording_is_what_was_said():
@@ -113,8 +123,47 @@ def test_a_phase_that_was_broken_off_ends_with_the_recording():
 def test_notes_come_back_as_they_were():
     note = Note(Phase('a, "b"', (('hard', 'strut_1'), ('torque', 'theta_2'))), 0.5, 2.0)
     assert note_from_text(note_as_text(note)) == note
+    silent = Note(Phase('b', (('position', 'theta_1'),), silent=True), 0.5, 2.0, 10**18 + 1)
+    assert note_from_text(note_as_text(silent)) == silent
+    assert silent.phase.words == ('silent position theta_1',)
+    assert silent.phase.mending == ('ok theta_1',)
+    # As older recordings have it.
+    assert note_from_text('{"name": "c", "failures": [], "settled": 1, "period": 1}').stamp == 0
     for text in ('', 'null', '[]', '{"name": "x"}', '{"name": 1, "failures": [1]}'):
         assert note_from_text(text) is None
+
+
+def test_a_phase_begins_when_its_note_was_written():
+    heard = [
+        one._replace(time=one.time + SECOND // 5) if one.topic == '/operator/phase' else one
+        for one in messages(**SILENT)
+    ]
+    records, _ = phase_records(recordings_of(heard)[''])
+    assert records[1].found.time == pytest.approx(NOTICED_AFTER)
+
+
+@pytest.mark.parametrize('noted', [True, False])
+def test_what_was_noticed_is_found_in_its_phase(noted):
+    records, _ = phase_records(recording(noted=noted, **SILENT))
+    assert records[0].found is None
+    found = records[1].found
+    assert (found.mode, found.name, found.acted) == ('position', 'theta_4', True)
+    assert found.time == pytest.approx(NOTICED_AFTER)
+    assert found.onset == pytest.approx(0.0, abs=1e-6)
+
+
+def test_what_is_acted_on_goes_before_what_is_only_suspected():
+    heard = list(messages(**SILENT))
+    (told,) = [one for one in heard if one.topic == '/diagnostics']
+    sooner = told.time - SECOND // 100
+    for hardware_id in ('theta_1', 'robot/theta_2'):
+        heard.append(Message(
+            '/diagnostics', sooner, suspicion(sooner, sooner, 'encoder', hardware_id, False)))
+    heard.sort(key=lambda one: one.time)
+    found = recordings_of(heard)['']
+    assert [one.name for one in found.found] == ['theta_1', 'theta_4']
+    records, _ = phase_records(found)
+    assert records[1].found.name == 'theta_4'
 
 
 def test_a_demonstration_is_found_in_a_recording():

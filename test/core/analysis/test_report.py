@@ -13,13 +13,14 @@ import pytest
 from core.runs import demonstration, recording
 
 from fault_tolerance.analysis.demo_summary import PHASES
-from fault_tolerance.analysis.figures import STYLES, report_figure
+from fault_tolerance.analysis.figures import report_figure
+from fault_tolerance.analysis.line_styles import STYLES
 from fault_tolerance.analysis.phases import Phase
 from fault_tolerance.analysis.report_page import figure_as_svg, report_page, write_report
 from fault_tolerance.analysis.runs import run_of
 from fault_tolerance.analysis.series import Series
 
-SIZE = (1950, 1717)
+SIZE = (1950, 2050)
 PANELS = ['pointing error\nµrad', 'largest strut force\nbeyond preload, N',
           'commanded rate\nwith recovery, mm/s', 'measures\n(0: intolerable)']
 
@@ -91,19 +92,19 @@ def test_nothing_written_covers_anything_else(figure):
 
 
 def test_every_phase_is_named_over_its_path(figure):
-    titles = [' '.join(axes.get_title().split()) for axes in figure.axes[:6]]
+    titles = [' '.join(axes.get_title().split()) for axes in figure.axes[:7]]
     assert titles == [
-        '1 healthy', '2 theta_4 stuck', '3 theta_2 free', '4 strut_3 lost',
-        '5 theta_1 stuck, theta_3 free', '6 theta_1, theta_2 stuck: stopped']
+        '1 healthy', '2 theta_4 stuck, unreported', '3 theta_4 stuck', '4 theta_2 free',
+        '5 strut_3 lost', '6 theta_1 stuck, theta_3 free', '7 theta_1, theta_2 stuck: stopped']
 
 
 def test_every_failure_is_shaded_and_numbered(figure):
     assert [axes.get_ylabel() for axes in charts(figure)] == PANELS
     for axes in charts(figure):
         shades = sorted(patch.get_x() for patch in axes.patches)
-        assert shades == pytest.approx([4.0, 8.0, 12.0, 16.0, 20.0])
+        assert shades == pytest.approx([4.0, 8.0, 12.0, 16.0, 20.0, 24.0])
     numbers = [(text.get_text(), text.xy[0]) for text in charts(figure)[0].texts]
-    assert numbers == [(str(n + 1), pytest.approx(4.0 * n)) for n in range(6)]
+    assert numbers == [(str(n + 1), pytest.approx(4.0 * n)) for n in range(7)]
 
 
 def test_what_is_drawn_is_what_was_recorded(run, figure):
@@ -115,7 +116,7 @@ def test_what_is_drawn_is_what_was_recorded(run, figure):
         assert np.concatenate(lines[STYLES[name]['color']]) == pytest.approx(error)
     forces = [line.get_ydata().max() for line in charts(figure)[1].lines
               if line.get_color() == STYLES['recovered']['color']]
-    assert forces == pytest.approx([0.5] * 6)
+    assert forces == pytest.approx([0.5] * 7)
     path = figure.axes[0].lines[1].get_xydata()
     assert path == pytest.approx(1e3 * run.main[0].path.values[50:])
 
@@ -152,6 +153,22 @@ def test_what_was_not_recorded_is_left_out(run):
     figure = report_figure(replace(run, passes={'run': bare}))
     assert [axes.get_ylabel() for axes in figure.axes] == [
         'commanded rate\nmm/s', 'measures\n(0: intolerable)']
+
+
+def test_the_first_moments_of_what_nobody_reported_are_drawn(run, figure):
+    *_, last = figure.axes
+    assert last.get_ylabel() == 'first moments\nerror, µrad'
+    assert 'since theta_4 failed in phase 2' in last.get_xlabel()
+    words = [text.get_text() for text in last.get_legend().get_texts()]
+    assert 'named: 20 ms' in words and any('first µm told' in one for one in words)
+    by_colour = {line.get_color(): line for line in last.lines}
+    for name, error in (('recovered', 1.0), ('unrecovered', 300.0)):
+        line = by_colour[STYLES[name]['color']]
+        assert line.get_ydata() == pytest.approx(error)
+        assert line.get_xdata().max() < 200.0
+    unnoticed = [replace(one, found=None) for one in run.main]
+    figure = report_figure(replace(run, passes={**run.passes, 'recovered': unnoticed}))
+    assert 'first moments' not in figure.axes[-1].get_ylabel()
 
 
 def test_many_phases_and_long_names_stay_apart():
@@ -197,9 +214,11 @@ def test_the_page_has_figure_and_table(folder):
     rows = re.findall(r'<tr>(.*?)</tr>', page)
     cells = [re.findall(r'<t[dh]>(.*?)</t[dh]>', row) for row in rows]
     assert len(cells) == 1 + len(PHASES)
-    assert cells[2] == ['2', 'theta_4 stuck', 'degraded', '0.500', '0.500', '–',
-                        '1.0', '300.0', '0.50', '0.50']
-    assert '5 states of failure: 4 carried on with, 1 stopped. All as the theory says.' in page
+    assert cells[2] == ['2', 'theta_4 stuck, unreported', 'degraded', '20 ms', '0.500', '0.500',
+                        '–', '1.0', '300.0', '0.50', '0.50']
+    assert cells[3][1:4] == ['theta_4 stuck', 'degraded', '–']
+    assert '6 states of failure: 5 carried on with, 1 stopped. All as the theory says.' in page
+    assert 'Phase 2: theta_4 was named 20 ms after it failed' in page
 
 
 def test_the_page_says_what_went_wrong_and_escapes_names(run):

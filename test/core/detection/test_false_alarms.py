@@ -29,7 +29,7 @@ def million():
     ]
 
 
-def test_a_million_healthy_cycles_raise_no_alarm(million):
+def test_a_healthy_machine_raises_no_alarm(million):
     """Lag, levers, stiffness, place, messages, stamps and loads are not what the model says."""
     assert sum(one['cycles'] for one in million) > 950_000
     assert [one for one in million if one['alarms']] == []

@@ -126,7 +126,7 @@ def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(place, tmp_path):
     assert lines[-1] == 'nominal True '
     kept = [line for line in lines if line.startswith('keeps')]
     assert all(line.startswith(f'keeps {tmp_path}/fault_tolerance/') for line in kept)
-    assert len(kept) == (0 if place == 'nowhere' else 3)
+    assert len(kept) == (0 if place == 'nowhere' else 4)
 
 
 def test_the_module_compiles_ahead_of_time():

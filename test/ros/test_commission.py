@@ -1,0 +1,196 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The first motion over DDS: a right file, wrong ones, and everything that has to stop it."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from std_msgs.msg import Float64MultiArray
+
+from fault_tolerance.mechanism.catalogue import mechanism_path
+
+
+def process(*words, stdin=subprocess.DEVNULL):
+    return subprocess.Popen(
+        [sys.executable, '-m', 'fault_tolerance', 'commission', *map(str, words)], text=True,
+        stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def ended(running):
+    """Return exit code, standard output and standard error."""
+    output, errors = running.communicate(timeout=90)
+    assert 'Traceback' not in errors
+    return running.returncode, output, errors
+
+
+def file_of(folder, name, *replacements, first=''):
+    text = mechanism_path(name).read_text()
+    for old, new in replacements:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    path = folder / f'{name}_changed.yaml'
+    path.write_text(first + text)
+    return path
+
+
+@pytest.fixture
+def simulator(start, probe):
+    """Start a simulated mechanism, and wait for its joint states."""
+    def started(mechanism, **parameters):
+        node = start('fsm_simulator', mechanism=mechanism, **parameters)
+        heard = probe.joint_states()
+        probe.wait(lambda: heard, 'joint states')
+        return node
+
+    return started
+
+
+@pytest.fixture
+def moving(simulator, probe):
+    """Return a machine and its first motion, which has begun."""
+    node = simulator('mirror_3_strut')
+    running = process('mirror_3_strut', '--yes', '--json')
+    probe.wait(lambda: any(any(one.data) for one in probe.commands), 'a motion')
+    yield node, running
+    if running.poll() is None:
+        running.kill()
+        running.wait()
+
+
+def stopped(moving, probe):
+    """Return why a motion has stopped, having left zeros."""
+    code, output, _ = ended(moving[1])
+    assert code == 2
+    probe.spin(0.2)
+    assert not any(probe.commands[-1].data)
+    return json.loads(output)['stopped']
+
+
+@pytest.mark.slow
+@pytest.mark.timed
+def test_a_right_file(simulator, probe):
+    simulator('mirror_4_strut')
+    code, output, errors = ended(process('mirror_4_strut', '--yes', '--strain', '2e-6'))
+    assert (code, errors) == (0, ''), output
+    assert 'WRONG' not in output
+    assert output.endswith('all that could be told agrees with the file\n')
+    assert 'theta_4  12 µm, 30 µm/s' in output
+    probe.spin(0.2)
+    assert not any(probe.commands[-1].data)
+
+
+@pytest.mark.slow
+@pytest.mark.timed
+def test_a_wrong_order(simulator, tmp_path):
+    simulator('mirror_3_strut')
+    file = file_of(tmp_path, 'mirror_3_strut', first='actuators: [theta_2, theta_3, theta_1]\n')
+    code, output, _ = ended(process(file, '--yes', '--json'))
+    assert code == 1
+    report = json.loads(output)
+    (found,) = [one for one in report['findings'] if one['level'] == 'wrong']
+    assert (found['entry'], found['probable']) == ('actuators', ['theta_1', 'theta_2', 'theta_3'])
+    assert report['stopped'] is None
+    assert len(report['motions']) == 3
+
+
+@pytest.mark.slow
+
+
+def test_wrong_names_are_listed_and_nothing_moves(simulator, probe, tmp_path):
+    simulator('mirror_3_strut')
+    name = '{name: theta_2, '
+    file = file_of(tmp_path, 'mirror_3_strut', (name, f'{name}joint_state_name: theta2, '))
+    code, output, _ = ended(process(file, '--yes'))
+    assert code == 1
+    assert '`joint_state_name` of theta_2: no joint state is called theta2; there is theta_2' in \
+        ' '.join(output.split())
+    assert not probe.commands
+
+
+def test_without_a_terminal_it_needs_yes(simulator, probe):
+    simulator('mirror_3_strut')
+    code, output, errors = ended(process('mirror_3_strut'))
+    assert (code, output) == (2, '')
+    assert errors.count('\n') == 1
+    assert '--yes' in errors
+    probe.spin(0.2)
+    assert not probe.commands
+
+
+@pytest.mark.parametrize('answer', ['no\n', '\n'])
+def test_an_answer_that_is_not_yes_moves_nothing(simulator, probe, answer):
+    simulator('mirror_3_strut')
+    ours, theirs = pty.openpty()
+    running = process('mirror_3_strut', stdin=theirs)
+    os.write(ours, answer.encode())
+    code, output, errors = ended(running)
+    os.close(ours)
+    os.close(theirs)
+    assert code == 2
+    assert output.endswith('type yes to go on: ')
+    assert errors == 'fault_tolerance: not confirmed: nothing has been moved\n'
+    assert not probe.commands
+
+
+def test_another_node_that_commands_is_refused(start, simulator, probe):
+    simulator('mirror_3_strut')
+    start('controller', mechanism='mirror_3_strut')
+    probe.wait_for_state('nominal')
+    code, output, errors = ended(process('mirror_3_strut', '--yes'))
+    assert (code, output) == (2, '')
+    assert errors == ('fault_tolerance: fault_tolerance publishes /velocity_controller/commands: '
+                      'end that first\n')
+
+
+def test_without_a_machine_it_says_so_in_one_line():
+    code, output, errors = ended(process('mirror_3_strut', '--yes'))
+    assert (code, output) == (2, '')
+    assert errors == 'fault_tolerance: no joint state on /joint_states (0 publishers)\n'
+
+
+def test_joint_states_that_cease_stop_it(moving, probe):
+    node, running = moving
+    os.killpg(node.process.pid, signal.SIGSTOP)
+    begin = time.monotonic()
+    try:
+        code, output, _ = ended(running)
+        assert time.monotonic() - begin < 5.0
+    finally:
+        os.killpg(node.process.pid, signal.SIGCONT)
+    assert code == 2
+    assert 'no reading for' in json.loads(output)['stopped']
+    probe.spin(0.2)
+    assert not any(probe.commands[-1].data)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_leaves_zeros(moving, probe, number):
+    moving[1].send_signal(number)
+    assert stopped(moving, probe) == 'interrupted'
+
+
+def test_a_second_publisher_stops_it(moving, probe):
+    publisher = probe.node.create_publisher(Float64MultiArray, 'velocity_controller/commands', 10)
+    assert stopped(moving, probe) == 'probe publishes commands too'
+    probe.node.destroy_publisher(publisher)
+
+
+def test_a_failure_that_is_reported_stops_it(moving, probe):
+    publisher = probe.node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+    probe.wait(lambda: publisher.get_subscription_count(), 'a subscriber')
+    foreign = DiagnosticStatus(level=DiagnosticStatus.ERROR, name='drive', hardware_id='axis_7')
+    publisher.publish(DiagnosticArray(status=[foreign]))
+    probe.spin(0.3)
+    assert moving[1].poll() is None
+    mine = DiagnosticStatus(
+        level=DiagnosticStatus.ERROR, name='drive', hardware_id='theta_2', message='too hot')
+    publisher.publish(DiagnosticArray(status=[mine]))
+    assert stopped(moving, probe) == 'theta_2 is reported to have failed: too hot'
+    probe.node.destroy_publisher(publisher)
