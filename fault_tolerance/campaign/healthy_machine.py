@@ -16,11 +16,10 @@ from math import pi
 
 import numpy as np
 
-from fault_tolerance.detection.detector import REACH
 from fault_tolerance.detection.hypotheses import hypotheses
 from fault_tolerance.detection.noise import KEPT, MARGIN, SMALLEST, WINDOW, roughness
 from fault_tolerance.detection.responses import Responses, Sensors, responses
-from fault_tolerance.detection.sighting import Channels
+from fault_tolerance.detection.sighting import REACH, Channels
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows, strut_rows
@@ -28,6 +27,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.configuration import fitted_configuration
 from fault_tolerance.mechanism.freedom import attachment_of
+from fault_tolerance.mechanism.parts import EncoderSide
 
 MOTIONS = ('rest', 'circle', 'raster', 'lissajous', 'steps')
 """What it may follow."""
@@ -108,18 +108,20 @@ def healthy_cycles(
     Cycles
     """
     flaws = flaws or Flaws()
-    side = str(rng.choice(['load', 'motor']))
+    side: EncoderSide = 'load' if rng.choice(['load', 'motor']) == 'load' else 'motor'
     model, jumps, directions = _model(name, side)
     period = float(rng.choice([0.002, 0.01, 0.05]))
     travel = _motion(rng, count + 1, period) @ directions.T
     rates = np.diff(travel, axis=0) / period
-    lag = float(rng.choice([0.0, 0.5, 1.0])) * period
+    # A lag of the first order is told as a delay: that is a flaw too.
+    lag = float(rng.choice([0.0, 0.5, 1.0])) * period * (flaws.lag > 0.0)
+    times = np.asarray(period * np.arange(count), dtype=np.float64)
     stamps = period * (np.arange(count) + flaws.jitter * rng.uniform(-1.0, 1.0, count))
     arrivals = period * (np.arange(count) + flaws.jitter * rng.uniform(0.0, 1.0, count))
     expected = _travelled(stamps + lag, rates, stamps)
     obeyed = _held(rates, rng.random(count) < flaws.lost)
     true_lag = lag * (1.0 + flaws.lag * rng.uniform(-1.0, 1.0))
-    setpoints = _travelled(arrivals, obeyed, period * np.arange(count))
+    setpoints = _travelled(arrivals, obeyed, times)
     setpoints -= true_lag * _followed(obeyed, period, true_lag)
     setpoints *= 1.0 + flaws.lever * rng.uniform(-1.0, 1.0, rates.shape[1])
     readings = _sensed(name, side, setpoints, rng, flaws, period)
@@ -135,7 +137,7 @@ def healthy_cycles(
 
 
 @cache
-def _model(name: str, side: str) -> tuple[Responses, FloatArray, FloatArray]:
+def _model(name: str, side: EncoderSide) -> tuple[Responses, FloatArray, FloatArray]:
     """Return what a detector takes the machine for, and its motions (N, 2) per radian."""
     mechanism = mechanism_named(name).with_encoders(side)
     rows = home_rows(mechanism)
@@ -181,7 +183,7 @@ def _travelled(starts: FloatArray, rates: FloatArray, times: FloatArray) -> Floa
 def _held(rates: FloatArray, lost: FloatArray) -> FloatArray:
     """Return the rates in force where some commands are ``lost``: the last one that came."""
     last = np.maximum.accumulate(np.where(lost, 0, np.arange(len(rates))))
-    return rates[last]
+    return np.asarray(rates[last])
 
 
 def _followed(rates: FloatArray, period: float, lag: float) -> FloatArray:
@@ -212,7 +214,6 @@ def _sensed(
     count = setpoints.shape[1]
     stiffness = 1.0 + flaws.stiffness * rng.uniform(-1.0, 1.0, count)
     rates, twists = _place(name, flaws.place * rng.uniform(-1.0, 1.0, 2))
-    rates, twists = rates[0], twists[0]
     inverse = np.linalg.inv(rates.T @ (stiffness[:, None] * rates))
     settled = inverse @ rates.T * stiffness
     free = _loads(rng, len(setpoints), rates.shape[1], flaws.load_steps * period)
@@ -227,10 +228,10 @@ def _sensed(
     channels += sizes * rng.standard_normal(channels.shape)
     there = np.repeat([1.0, float(rng.choice([0, 1])), float(rng.choice([0, 1]))],
                       [count, count, 6])
-    return channels * there
+    return np.asarray(channels * there)
 
 
-def _place(name: str, tilt: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
+def _place(name: str, tilt: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the motions of joints and platform at a place away from home."""
     mechanism = mechanism_named(name)
     _, _, directions = _model(name, 'load')
@@ -240,7 +241,7 @@ def _place(name: str, tilt: FloatArray) -> tuple[list[FloatArray], list[FloatArr
     basis, sigma, right = np.linalg.svd(rates, full_matrices=False)
     rank = int((sigma > 1e-9 * sigma[0]).sum())
     turned = right[:rank].T / sigma[:rank]
-    return [basis[:, :rank]], [twists @ turned]
+    return np.asarray(basis[:, :rank]), np.asarray(twists @ turned)
 
 
 def _loads(rng: np.random.Generator, count: int, size: int, often: float) -> FloatArray:
@@ -249,7 +250,7 @@ def _loads(rng: np.random.Generator, count: int, size: int, often: float) -> Flo
     change = np.zeros((count, size))
     sizes = 10.0 ** rng.uniform(-9.0, -5.0, (len(steps), 1))
     change[steps] = sizes * rng.standard_normal((len(steps), size))
-    return np.cumsum(change, axis=0)
+    return np.asarray(np.cumsum(change, axis=0))
 
 
 def _learnt(strange: FloatArray, least: float) -> FloatArray:

@@ -21,8 +21,8 @@ from fault_tolerance.detection.probe import ProbeRecord
 from fault_tolerance.detection.responses import Sensors, responses
 from fault_tolerance.detection.separation import separated, separators
 from fault_tolerance.detection.setpoints import Setpoints
-from fault_tolerance.detection.sighting import Channels, Sighting, distance
-from fault_tolerance.detection.suspicion import Suspicion, failures_assumed, parts_of
+from fault_tolerance.detection.sighting import LONGEST_GAP, REACH, Channels, Sighting, distance
+from fault_tolerance.detection.suspicion import Suspicion, failures_assumed, parts_of, with_limp
 from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
@@ -38,14 +38,8 @@ LEAD = 7.0
 PATIENCE = 1_000_000_000
 """Nanoseconds that a suspicion may take to narrow down."""
 
-LONGEST_GAP = 250_000_000
-"""Nanoseconds without a reading after which everything starts again: what happened is unknown."""
-
 REFRESH = 50
 """Readings between two looks at whether the mechanism has moved away."""
-
-REACH = 0.02
-"""Characteristic lengths, and radians, for which the responses of one configuration serve."""
 
 
 class Detector:
@@ -89,7 +83,7 @@ class Detector:
         count = self._channels.count
         self._noise = SensorNoise(count, SMALLEST * mechanism.characteristic_length)
         self._explained = np.zeros(count)
-        self._before = np.zeros(len(self._scale))
+        self._before, self._last = np.zeros(len(self._scale)), np.zeros(count)
         self._stamp: int | None = None
         self._known = FailureSet()
         self._place = np.eye(4)
@@ -184,8 +178,11 @@ class Detector:
         if not heard:
             self._start_filters(self._suspects, readings)
         elif not self.is_blind:
+            if self._breakaway > 0.0:
+                strange = (readings - self._last - expected)[: len(moved)]
+                self._excursions.slip(strange, self._breakaway)
             self._weigh(readings, moved, stamp)
-        self._stamp, self._before = stamp, moved
+        self._stamp, self._before, self._last = stamp, moved, readings
 
     def is_stale(self, stamp: int) -> bool:
         """Return whether readings of ``stamp`` (ns) come again, or after later ones."""
@@ -255,7 +252,7 @@ class Detector:
         """Return what the evidence amounts to, with all that would look the same."""
         chosen = rivals | (~apart if not self._responses.drift[best].any() else False)
         order = [best, *(i for i in np.flatnonzero(chosen).tolist() if i not in (best, 0))]
-        candidates = tuple(self._suspects[i] for i in order)
+        candidates = with_limp([self._suspects[i] for i in order], self._suspects)
         assert self.rows is not None
         return Suspicion(
             candidates, float(self._scores[best]), int(self._excursions.onset[best]),
@@ -298,6 +295,6 @@ class Detector:
     def _restart(self, readings: FloatArray) -> None:
         """Begin at these readings, with no evidence for anything."""
         self._start_filters(self._suspects, readings)
-        self._explained[:], self._before[:] = 0.0, 0.0
+        self._explained[:], self._before, self._last = 0.0, 0.0 * self._before, readings
         self._noise.restart()
         self.forming = None

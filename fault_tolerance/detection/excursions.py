@@ -44,6 +44,20 @@ class Excursions:
         self.travel = np.zeros(count)
         self._way, self._reach = np.zeros(count), np.zeros(count)
 
+    def slip(self, strange: FloatArray, breakaway: float) -> None:
+        """Begin anew for drives that have just slipped: what sticks again is not stuck.
+
+        Parameters
+        ----------
+        strange : (N,) array
+            By how much the encoders moved other than a healthy machine would, metres; NaN where
+            there is nothing new.
+        breakaway : float
+            Metres, see `beyond`.
+        """
+        slipped = (np.abs(strange) > 0.5 * breakaway)[self._drive]
+        self._way[slipped] = self._reach[slipped] = 0.0
+
     def take(self, scores: FloatArray, stamp: int, moved: FloatArray) -> None:
         """Take ``scores`` (h,) at ``stamp``, ns, and what ``moved`` (N,) until then, metres."""
         self.travel += np.abs(moved).sum()

@@ -15,6 +15,12 @@ from fault_tolerance.detection.responses import Responses, Sensors
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
+REACH = 0.02
+"""Characteristic lengths, and radians, for which the responses of one configuration serve."""
+
+LONGEST_GAP = 250_000_000
+"""Nanoseconds without a reading after which everything starts again: what happened is unknown."""
+
 LARGEST_JUMP = 1e-2
 """Characteristic lengths by which a reading that jumps may be off."""
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
@@ -126,6 +126,27 @@ def _severity(suspect: Hypothesis) -> int:
         return -1
     mode = suspect.symptom.mode
     return mode.severity if mode is not None else len(FailureMode)
+
+
+def with_limp(
+    candidates: Sequence[Hypothesis], suspects: Sequence[Hypothesis]
+) -> tuple[Hypothesis, ...]:
+    """Return ``candidates``, and for a drive that moves by itself that it may hold nothing.
+
+    A load moves a limp drive, in whatever direction the platform gives way.
+
+    Parameters
+    ----------
+    candidates, suspects : sequences of Hypothesis
+        Those that explain the readings, and all there are.
+
+    Returns
+    -------
+    tuple of Hypothesis
+    """
+    moving = {one.name for one in candidates if one.symptom is Symptom.RUNAWAY}
+    limp = [one for one in suspects if one.symptom is Symptom.FREE and one.name in moving]
+    return tuple(dict.fromkeys([*candidates, *limp]))
 
 
 def parts_of(mechanism: Mechanism, candidates: Iterable[Hypothesis]) -> tuple[str, ...]:

@@ -150,7 +150,7 @@ def compiled_kernel() -> Kernel:
     return Kernel(estimate, command, measures, advance, True)
 
 
-def around(function: FunctionType, kernel: Kernel) -> Callable[..., Any]:
+def around(function: Callable[..., Any], kernel: Kernel) -> Callable[..., Any]:
     """Return a loop around the kernel in the form of ``kernel``, for studies of many cycles.
 
     Parameters
@@ -168,6 +168,7 @@ def around(function: FunctionType, kernel: Kernel) -> Callable[..., Any]:
         return function
     import numba
 
+    assert isinstance(function, FunctionType)
     copy = _copy(function)
     copy.__globals__['advance'] = kernel.advance
     compiled: Callable[..., Any] = numba.njit(error_model='numpy')(copy)

@@ -24,8 +24,7 @@ MODEL_SHARE = 0.1
 """Share of a commanded motion that the model may be wrong by: levers, lags, gains."""
 
 CROSS_SHARE = 0.02
-"""Share of the largest motion by which any joint may move that should not: the mechanism may be a
-little away from where the responses were derived."""
+"""Share of the largest motion by which any joint may move that should not: at another place."""
 
 MOST_PER_CYCLE = 14.0
 """What one reading may add to a sum: no single one convicts."""
@@ -34,15 +33,8 @@ LOAD_STEP = 15.0
 """Evidence that a step of the load on the platform costs. It explains every motion of the joints
 that fits the platform, so what has it as the best explanation is no failure."""
 
-AFTERSHOCK = 5.0
-"""The same while the machine still shakes from the last step."""
-
-SHAKING = 50.0
-"""Readings for which it may."""
-
 UNEXPLAINED = 36.0
-"""Mean squared innovation, in variances, of the best explanation at which there is none: all
-filters start again."""
+"""Mean squared innovation, in variances, of the best explanation at which all start again."""
 
 FASTEST_DRIFT = 10.0
 """Size of unknown motions per cycle, over the largest commanded one."""
@@ -55,8 +47,7 @@ LEAST_COST = 0.7
 to one."""
 
 CHANGE_OF_PACE = 0.1
-"""Share by which an unknown motion may change from one cycle to the next: what shakes to and fro
-is no drive that runs away."""
+"""Share by which an unknown motion may change in a cycle: what shakes is no runaway drive."""
 
 JUMP_COST = 1.0
 """Evidence that a jump loses per cycle: what has not convicted soon only waits for another."""
@@ -104,8 +95,7 @@ def advance(
     variance : (c,) array
         Their common variance, changed in place.
     paces : (h,) array
-        The unknown motions of the last cycle, metres; for the healthy machine, how many readings
-        it may still shake from the last load step. Changed in place.
+        The unknown motions of the last cycle, metres. Changed in place.
     scores : (h,) array
         Sums of the evidence, changed in place.
 
@@ -128,11 +118,10 @@ def advance(
         size = small
         if jumps[h] != 0.0:
             size = jumps[h] if scores[h] == 0.0 and jumps[h] > 0.0 else 0.0
-            paces[h] = 0.0
-        elif scores[h] == 0.0:
-            paces[h] = 0.0
-        else:
+        elif scores[h] > 0.0:
             size = CHANGE_OF_PACE * abs(paces[h]) + least
+        if jumps[h] != 0.0 or scores[h] == 0.0:
+            paces[h] = 0.0
         _predict(
             matrices[h], drift[h], weight, moved, readings, levels[h], size, expected[h],
             misfit, odds, paces, h,
@@ -147,18 +136,19 @@ def advance(
                 variance[c] = noise[c] * noise[c]
                 levels[:, c] = readings[c]
         return best
-    cost = AFTERSHOCK if paces[0] > 0.0 else LOAD_STEP
-    stepped = -0.5 * beside - cost > odds[0]
-    paces[0] = SHAKING if stepped else max(paces[0] - 1.0, 0.0)
+    stepped = -0.5 * beside - LOAD_STEP > odds[0]
     if stepped:
-        odds[0] = -0.5 * beside - cost
+        odds[0] = -0.5 * beside - LOAD_STEP
+    # What is off the fit, by a share, is explained as well, if nothing explains it better.
+    whole = stepped and odds[0] >= odds.max()
     for c in range(channels):
         heard = weight[c] > 0.0
         if heard:
-            variance[c] = noise[c] * noise[c] * (1.0 if stepped else gain[c])
-        if stepped:
-            # What is off the fit, by a share, is explained as well.
-            expected[0, c] = readings[c] if heard else expected[0, c]
+            variance[c] = noise[c] * noise[c] * (1.0 if whole else gain[c])
+        if heard and (whole or (stepped and c >= drives)):
+            expected[0, c] = readings[c]
+        elif stepped and c < drives:
+            expected[0, c] += fit[c]
         for h in range(count):
             levels[h, c] = expected[h, c]
             if heard:

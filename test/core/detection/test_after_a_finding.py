@@ -139,7 +139,8 @@ def test_after_a_clear_it_begins_anew():
     loop.run(1.7)
     loop.inject('silent stuck theta_4')
     awaited(loop, 1.0)
-    loop.run(0.5)
+    # What was said less than 3 s ago counts as still said.
+    loop.run(3.1)
     loop.inject('ok theta_4')
     loop.clear()
     loop.run(3.0)

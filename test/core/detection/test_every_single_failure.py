@@ -51,14 +51,18 @@ def check(truth, name, moving, side, engine):
         awaited(loop, 1.0)
         check_named(loop, truth, passive.class_of(truth))
         return
-    # Not longer: where it sets the platform free, that falls (in MuJoCo).
-    assert awaited(loop, 0.2) == 20, (str(truth), named(loop))
+    # The over-actuated mirror falls when a strut is lost (in MuJoCo); a heavy platform swings.
+    awaited(loop, 0.2 if name == 'mirror_overactuated' else 1.5)
+    if suspected(loop):
+        # Sooner than it has to be: a load has moved what is free.
+        check_named(loop, truth, probing.class_of(truth))
+        return
     if probing.redundancy == 0:
         assert 'no redundancy' in loop.monitor.request_probe()
         return
     probed(loop)
     group = probing.class_of(truth)
-    if truth.symptom is Symptom.FROZEN:
+    if truth.symptom is Symptom.FROZEN and side == 'load':
         # Strain moves no healthy joint, so that one that does not read looks right.
         assert named(loop) == []
     else:

@@ -34,8 +34,8 @@ def test_a_drive_that_is_stuck_is_named_when_it_should_have_slipped():
     count = awaited(loop, 5.0)
     (found,) = suspected(loop)
     assert found.name == 'theta_1'
-    # 13 nm a cycle: not before it was told to go 200 nm.
-    assert 12 <= count < 100
+    # At most 13 nm a cycle: not before it was told to go 200 nm, and others slip meanwhile.
+    assert 12 <= count < 500
 
 
 def test_it_has_to_be_told():

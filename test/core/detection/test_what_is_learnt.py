@@ -182,3 +182,6 @@ def test_the_way_since_the_evidence_began():
     np.testing.assert_array_equal(found.beyond(0.6), [False, False, False, True])
     np.testing.assert_array_equal(found.beyond(0.2), [False, True, True, True])
     np.testing.assert_array_equal(found.beyond(0.5), [False, True, False, True])
+    # A drive that slips has to be told as far again.
+    found.slip(np.array([0.0, 0.3, np.nan, 0.0]), 0.5)
+    np.testing.assert_array_equal(found.beyond(0.2), [False, False, True, True])
