@@ -23,7 +23,7 @@ from fault_tolerance.detection.sighting import REACH, Channels
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows, strut_rows
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.configuration import fitted_configuration
 from fault_tolerance.mechanism.freedom import attachment_of
@@ -165,12 +165,12 @@ def _motion(rng: np.random.Generator, count: int, period: float) -> FloatArray:
         shape = np.stack([np.sin(3.0 * phase + 1.0), np.sin(2.0 * phase)], 1)
     elif kind == 'raster':
         cycles = frequency * time[:, None] / np.array([1.0, 8.0])
-        shape = 1.0 - 4.0 * np.abs((cycles + 0.25) % 1.0 - 0.5)
+        shape = np.asarray(1.0 - 4.0 * np.abs((cycles + 0.25) % 1.0 - 0.5))
     else:
         size = max(1, round(2.0 / period))
         jumps = np.repeat(rng.uniform(-1.0, 1.0, (count // size + 1, 2)), size, 0)[:count]
         shape = _smooth(jumps, period, POINTING)
-    return amplitude * shape
+    return np.asarray(amplitude * shape)
 
 
 def _travelled(starts: FloatArray, rates: FloatArray, times: FloatArray) -> FloatArray:
@@ -180,7 +180,7 @@ def _travelled(starts: FloatArray, rates: FloatArray, times: FloatArray) -> Floa
     return np.stack([np.interp(times, starts, one) for one in way.T], 1)
 
 
-def _held(rates: FloatArray, lost: FloatArray) -> FloatArray:
+def _held(rates: FloatArray, lost: BoolArray) -> FloatArray:
     """Return the rates in force where some commands are ``lost``: the last one that came."""
     last = np.maximum.accumulate(np.where(lost, 0, np.arange(len(rates))))
     return np.asarray(rates[last])
@@ -212,7 +212,7 @@ def _sensed(
 ) -> FloatArray:
     """Return the channels (k, c) of all sensors, with their noise, metres."""
     count = setpoints.shape[1]
-    stiffness = 1.0 + flaws.stiffness * rng.uniform(-1.0, 1.0, count)
+    stiffness = np.asarray(1.0 + flaws.stiffness * rng.uniform(-1.0, 1.0, count))
     rates, twists = _place(name, flaws.place * rng.uniform(-1.0, 1.0, 2))
     inverse = np.linalg.inv(rates.T @ (stiffness[:, None] * rates))
     settled = inverse @ rates.T * stiffness

@@ -151,18 +151,13 @@ def compiled_kernel() -> Kernel:
 
 
 def around(function: Callable[..., Any], kernel: Kernel) -> Callable[..., Any]:
-    """Return a loop around the kernel in the form of ``kernel``, for studies of many cycles.
+    """Return plain loops around ``advance``, in the form of ``kernel``; not kept on disk.
 
     Parameters
     ----------
     function : function
-        Plain loops that call ``advance`` by its name, and nothing else but numpy. Compiled when
-        it is first called, and not kept on disk.
+        Calls ``advance`` by its name, and otherwise knows only numpy.
     kernel : Kernel
-
-    Returns
-    -------
-    callable
     """
     if not kernel.compiled:
         return function
@@ -171,8 +166,8 @@ def around(function: Callable[..., Any], kernel: Kernel) -> Callable[..., Any]:
     assert isinstance(function, FunctionType)
     copy = _copy(function)
     copy.__globals__['advance'] = kernel.advance
-    compiled: Callable[..., Any] = numba.njit(error_model='numpy')(copy)
-    return compiled
+    made: Callable[..., Any] = numba.njit(error_model='numpy')(copy)
+    return made
 
 
 def is_wanted() -> bool:
