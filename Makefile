@@ -2,7 +2,7 @@
 # is sourced that one is used, elsewhere rclpy and its middleware come as wheels.
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo bench campaign fuzz soak test test-pins lint colcon clean
+.PHONY: help venv demo bench campaign detection-study fuzz soak test test-pins lint colcon clean
 
 PYTHON ?= python3
 PACKAGE := fault_tolerance
@@ -49,7 +49,7 @@ define new_venv
 endef
 
 help:  ## Show what can be made
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-15s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 venv: $(STAMP)  ## Prepare .venv, once (PYTHON=... chooses the interpreter)
 
@@ -77,6 +77,9 @@ $(VENV)/.peers: $(STAMP)
 
 campaign: venv  ## Try every single and double failure against the theory (ARGS=...)
 	@$(RUN) -m $(PACKAGE) campaign $(ARGS)
+
+detection-study: venv  ## False alarms in 1e8 healthy cycles, delays (ARGS='--cycles 1e7': a shorter one)
+	@$(RUN) -m $(PACKAGE) detection-study $(ARGS)
 
 fuzz: venv  ## Send the nodes nonsense (SECONDS=600, SEED=1, ARGS=...)
 	FUZZ_SECONDS=$(or $(SECONDS),600) FUZZ_SEED=$(or $(SEED),1) \
@@ -114,6 +117,6 @@ colcon: venv  ## Build with colcon in a scratch folder and run what it installs
 
 clean:  ## Remove everything that can be made again
 	rm -rf .venv .venv-pins build dist install log *.egg-info
-	rm -rf demo_output campaign_output bench_output
+	rm -rf demo_output campaign_output bench_output detection_output
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

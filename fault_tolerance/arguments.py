@@ -87,6 +87,26 @@ def add_trials(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """Add what a study of detection needs to a ``parser``."""
+    parser.add_argument(
+        '--cycles', type=whole, default=10**8, metavar='N',
+        help='healthy cycles, of all mechanisms together (default: 1e8)',
+    )
+    parser.add_argument(
+        '--trials', type=whole, default=200, metavar='N',
+        help='of each failure at each amplitude (default: 200)',
+    )
+    parser.add_argument(
+        '--jobs', type=positive, metavar='N', help='runs at a time (default: all cores)'
+    )
+    parser.add_argument('--seed', type=int, default=1, help='of all random numbers (default: 1)')
+    parser.add_argument(
+        '--output', default='detection_output', metavar='FOLDER',
+        help='for the results; what is there already is not run again',
+    )
+
+
 def add_isolability(parser: argparse.ArgumentParser) -> None:
     """Add the mechanism and its sensors to a ``parser``."""
     parser.add_argument('mechanism', help='a shipped mechanism or a file')
@@ -184,6 +204,20 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f'{text!r} is not a positive whole number')
     return int(text)
+
+
+def whole(text: str) -> int:
+    """Return ``text``, such as 1e8, as a whole number from 0 on.
+
+    ArgumentTypeError if it is none.
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0.0 <= number <= 1e15 or number != int(number):
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from 0 on')
+    return int(number)
 
 
 def failure(text: str) -> tuple[str, str]:

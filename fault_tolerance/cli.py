@@ -21,10 +21,12 @@ from fault_tolerance.arguments import (
     add_isolability,
     add_recording,
     add_state,
+    add_study,
     add_trials,
     add_watch,
 )
 from fault_tolerance.campaign.cases import MECHANISMS
+from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.errors import FaultToleranceError
@@ -96,7 +98,8 @@ def _parser() -> argparse.ArgumentParser:
 
     def command(run: Callable[[argparse.Namespace], int | None], words: str) -> _Parser:
         """Return the parser of the command that ``run``, named as it is, carries out."""
-        one: _Parser = added.add_parser(run.__name__.removeprefix('_'), help=words)
+        name = run.__name__.removeprefix('_').replace('_', '-')
+        one: _Parser = added.add_parser(name, help=words)
         one.set_defaults(run=run)
         return one
 
@@ -136,6 +139,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
     add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
+    add_study(command(_detection_study, 'false alarms and delays of detection, in simulation'))
     command(_inject, 'break or mend the running simulated mirror').add_argument(
         'words', nargs='+', metavar='WORD',
         help='[silent] MODE NAME, as for the topic: stuck theta_4, ok all; '
@@ -221,6 +225,12 @@ def _campaign(chosen: argparse.Namespace) -> int:
     return run_campaign(
         Path(chosen.output), chosen.mechanisms or MECHANISMS,
         doubles=not chosen.singles, jobs=chosen.jobs, settings=settings,
+    )
+
+
+def _detection_study(chosen: argparse.Namespace) -> int:
+    return run_study(
+        Path(chosen.output), chosen.cycles, chosen.trials, jobs=chosen.jobs, seed=chosen.seed
     )
 
 

@@ -11,10 +11,10 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from fault_tolerance.analysis.snapshot import SUSPECTED
 from fault_tolerance.analysis.terminal import plain_table
 
 _HEALTHY = 'healthy'
-_WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'lost', 'encoder': 'encoder frozen'}
 
 
 def class_table(report: Mapping[str, Any]) -> RenderableType:
@@ -56,5 +56,5 @@ def _in_words(group: list[str]) -> str:
     kinds: dict[str, list[str]] = {}
     for one in group:
         mode, _, name = one.partition(':')
-        kinds.setdefault(_WORDS.get(mode, mode), []).append(name)
+        kinds.setdefault(SUSPECTED.get(mode, mode), []).append(name)
     return '; '.join(' '.join([kind, *filter(None, names)]) for kind, names in kinds.items())

@@ -62,11 +62,6 @@ class RateCommand:
         return bool(self.numbers[at.MOVED])
 
     @property
-    def time(self) -> float:
-        """When it was made, seconds."""
-        return float(self.numbers[at.TIME])
-
-    @property
     def scale(self) -> float:
         """The factor by which limits or a near singularity slow everything down."""
         return float(self.numbers[at.SCALE])

@@ -13,14 +13,15 @@ from math import log
 
 import numpy as np
 
+from fault_tolerance.detection.excursions import Excursions
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom, hypotheses
 from fault_tolerance.detection.noise import SMALLEST, SensorNoise
 from fault_tolerance.detection.probe import ProbeRecord
 from fault_tolerance.detection.responses import Sensors, responses
 from fault_tolerance.detection.separation import separated, separators
 from fault_tolerance.detection.setpoints import Setpoints
-from fault_tolerance.detection.sighting import Channels, Sighting
-from fault_tolerance.detection.suspicion import Suspicion, failures_assumed, parts_of
+from fault_tolerance.detection.sighting import LONGEST_GAP, REACH, Channels, Sighting, distance
+from fault_tolerance.detection.suspicion import Suspicion, failures_assumed, parts_of, with_limp
 from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
@@ -36,17 +37,11 @@ LEAD = 7.0
 PATIENCE = 1_000_000_000
 """Nanoseconds that a suspicion may take to narrow down."""
 
-LONGEST_GAP = 250_000_000
-"""Nanoseconds without a reading after which everything starts again: what happened is unknown."""
-
 LATEST = 50_000_000
 """Nanoseconds by which a command may be slower than the fastest: then nobody knows its effect."""
 
 REFRESH = 50
 """Readings between two looks at whether the mechanism has moved away."""
-
-REACH = 0.02
-"""Characteristic lengths, and radians, for which the responses of one configuration serve."""
 
 
 class Detector:
@@ -59,6 +54,8 @@ class Detector:
         Seconds from a command to its effect in the readings.
     advance : callable
         `fault_tolerance.kernel.evidence.advance`, or its compiled form.
+    breakaway : float
+        Metres by which healthy drives may lag before they slip (stick-slip).
 
     Attributes
     ----------
@@ -68,8 +65,6 @@ class Detector:
         What has failed without a report, as it was found; until `forget`.
     forming : Suspicion or None
         What more readings may yet narrow down.
-    unexplained : int
-        How often readings have jumped in a way that nothing explains.
     rows : StrutRows or None
         Of the configuration that counts; None before there was any.
     """
@@ -79,15 +74,16 @@ class Detector:
         mechanism: Mechanism,
         delay: float = 0.0,
         advance: Callable[..., float] = evidence.advance,
+        breakaway: float = 0.0,
     ) -> None:
-        self._mechanism, self.advance = mechanism, advance
+        self._mechanism, self.advance, self._breakaway = mechanism, advance, breakaway
         self._scale = mechanism.rate_scale
         self._setpoints = Setpoints(len(self._scale), round(1e9 * delay))
         self._channels = Channels(mechanism)
         count = self._channels.count
         self._noise = SensorNoise(count, SMALLEST * mechanism.characteristic_length)
         self._explained = np.zeros(count)
-        self._before = np.zeros(len(self._scale))
+        self._before, self._last = np.zeros(len(self._scale)), np.zeros(count)
         self._stamp: int | None = None
         self._sent, self._least_age = 0, LONGEST_GAP
         self._known = FailureSet()
@@ -96,12 +92,10 @@ class Detector:
         self._crossed: int | None = None
         self._record: ProbeRecord | None = None
         self._apart: BoolArray | None = None
-        self._onset, self._scores = np.zeros(0, np.int64), np.zeros(0)
-        self._travel = self._scores
+        self._scores = np.zeros(0)
         self._start_filters((), np.zeros(count))
         self.suspicions: tuple[Suspicion, ...] = ()
         self.forming: Suspicion | None = None
-        self.unexplained = 0
         self.rows: StrutRows | None = None
 
     @property
@@ -145,7 +139,7 @@ class Detector:
         pose: FloatArray,
         rows: Callable[[], StrutRows],
     ) -> None:
-        """Take one set of readings.
+        """Take one set of readings; those that come again, or too late, count for nothing.
 
         Parameters
         ----------
@@ -157,7 +151,10 @@ class Detector:
         rows : callable
             Returns the rows there; called when the responses have to be derived anew.
         """
-        readings, stamp = self._channels.readings(sighting), sighting.stamp
+        stamp = sighting.stamp
+        if self.is_stale(stamp):
+            return
+        readings = self._channels.readings(sighting)
         age = self._sent - stamp if self._sent else self._least_age
         self._least_age = min(self._least_age, age)
         last = stamp if self._stamp is None else self._stamp
@@ -171,7 +168,7 @@ class Detector:
             self._restart(readings)
         elif self._since_refresh >= REFRESH:
             self._since_refresh = 0
-            if self._is_far_from(pose):
+            if distance(self._place, pose, self._mechanism.characteristic_length) > REACH:
                 self._refresh(rows(), known, pose)
         moved = self._setpoints.moved(last, stamp)
         expected = self._healthy @ moved
@@ -185,8 +182,15 @@ class Detector:
         if not heard:
             self._start_filters(self._suspects, readings)
         elif not self.is_blind:
+            if self._breakaway > 0.0:
+                strange = (readings - self._last - expected)[: len(moved)]
+                self._excursions.slip(strange, self._breakaway)
             self._weigh(readings, moved, stamp)
-        self._stamp, self._before = stamp, moved
+        self._stamp, self._before, self._last = stamp, moved, readings
+
+    def is_stale(self, stamp: int) -> bool:
+        """Return whether readings of ``stamp`` (ns) come again, or after later ones."""
+        return self._stamp is not None and 0 <= self._stamp - stamp <= LONGEST_GAP
 
     @property
     def is_blind(self) -> bool:
@@ -205,54 +209,52 @@ class Detector:
         if record is not None and strain is not None and not self.is_blind:
             odds = record.odds(self._responses, strain, self._noise.deviation)
             self._scores = np.maximum(self._scores + odds - odds[0], 0.0)
-            self._decide(stamp)
+            # A probe goes farther than drives may stick.
+            self._decide(stamp, 0.0)
 
     def _weigh(self, readings: FloatArray, moved: FloatArray, stamp: int) -> None:
         """Take the readings into the filters, and decide."""
-        off = self.advance(
+        self.advance(
             self._responses.matrices, self._responses.drift, self._jumps, self._responses.load,
             self._noise.deviation, moved, self._before, readings,
             self._levels, self._variance, self._paces, self._scores,
         )
-        self.unexplained += off > evidence.UNEXPLAINED
-        self._decide(stamp, float(np.abs(moved).sum()))
+        self._excursions.take(self._scores, stamp, moved)
+        self._decide(stamp, self._breakaway)
 
-    def _decide(self, stamp: int, travel: float = 0.0) -> None:
+    def _decide(self, stamp: int, breakaway: float) -> None:
         """Suspect what the evidence has convicted."""
-        resting = self._scores == 0.0
-        self._travel += travel
-        self._onset[resting], self._travel[resting] = stamp, 0.0
-        best = int(self._scores.argmax())
-        if self._scores[best] <= self._threshold:
+        scores = self._scores
+        if breakaway > 0.0:
+            scores = np.where(self._excursions.beyond(breakaway), scores, 0.0)
+        best = int(scores.argmax())
+        if scores[best] <= self._threshold:
             self._crossed, self.forming = None, None
             return
         self._crossed = stamp if self._crossed is None else self._crossed
-        rivals = self._scores > self._scores[best] - LEAD
+        rivals = scores > scores[best] - LEAD
         # What stands still is stuck, and no drive that runs away at no speed.
         plain = rivals & ~self._runs_away
         if plain.any():
-            best, rivals = int(np.where(plain, self._scores, -1.0).argmax()), plain
+            best, rivals = int(np.where(plain, scores, -1.0).argmax()), plain
         apart = self._separated()[best]
         settled = not apart[rivals].any()
-        suspicion = self._suspicion(best, rivals, apart, settled)
+        suspicion = self._suspicion(best, rivals, apart)
         if not (settled or suspicion.agreed or stamp - self._crossed > PATIENCE):
             self.forming = suspicion
             return
         self.suspicions, self.forming = (*self.suspicions, suspicion), None
 
-    def _suspicion(
-        self, best: int, rivals: BoolArray, apart: BoolArray, settled: bool
-    ) -> Suspicion:
+    def _suspicion(self, best: int, rivals: BoolArray, apart: BoolArray) -> Suspicion:
         """Return what the evidence amounts to, with all that would look the same."""
         chosen = rivals | (~apart if not self._responses.drift[best].any() else False)
         order = [best, *(i for i in np.flatnonzero(chosen).tolist() if i not in (best, 0))]
-        candidates = tuple(self._suspects[i] for i in order)
+        candidates = with_limp([self._suspects[i] for i in order], self._suspects)
         assert self.rows is not None
         return Suspicion(
-            candidates, float(self._scores[best]), int(self._onset[best]),
-            float(self._travel[best]), parts_of(self._mechanism, candidates),
+            candidates, float(self._scores[best]), int(self._excursions.onset[best]),
+            float(self._excursions.travel[best]), parts_of(self._mechanism, candidates),
             separators(self.rows, self._known, candidates, self.sensors, evidence.CROSS_SHARE),
-            settled,
         )
 
     def _refresh(self, rows: StrutRows, known: FailureSet, pose: FloatArray) -> None:
@@ -281,20 +283,14 @@ class Detector:
         self._runs_away = np.array([one.symptom is Symptom.RUNAWAY for one in suspects], bool)
         self._levels = np.tile(readings, (count, 1))
         self._variance = self._noise.deviation**2
-        self._paces, self._scores, self._travel = np.zeros((3, count))
-        self._onset = np.zeros(count, np.int64)
+        self._paces, self._scores = np.zeros((2, count))
+        self._excursions = Excursions(self._mechanism, suspects)
         self._threshold = log(max(count, 1) * CYCLES)
         self._crossed = None
 
     def _restart(self, readings: FloatArray) -> None:
         """Begin at these readings, with no evidence for anything."""
         self._start_filters(self._suspects, readings)
-        self._explained[:], self._before[:] = 0.0, 0.0
+        self._explained[:], self._before, self._last = 0.0, 0.0 * self._before, readings
         self._noise.restart()
         self.forming = None
-
-    def _is_far_from(self, pose: FloatArray) -> bool:
-        """Return whether the responses are of another configuration."""
-        turned = np.abs(pose[:3, :3] - self._place[:3, :3]).max()
-        shifted = np.abs(pose[:3, 3] - self._place[:3, 3]).max()
-        return bool(max(turned, shifted / self._mechanism.characteristic_length) > REACH)

@@ -69,6 +69,17 @@ class Isolability:
         """What looks as if nothing had failed."""
         return tuple(one for one in self.class_of(HEALTHY) if one != HEALTHY)
 
+    @property
+    def limits(self) -> str:
+        """What is not seen, and what looks alike, as the rest of a sentence; empty if nothing."""
+        hidden = ', '.join(map(str, self.undetectable))
+        alike = [
+            ', '.join(map(str, group)) for group in self.classes
+            if len(group) > 1 and HEALTHY not in group
+        ]
+        text = f'; not to be seen: {hidden}' if hidden else ''
+        return text + ''.join(f'; would look alike: {group}' for group in alike)
+
 
 def isolability_report(mechanism: Mechanism, found: Isolability) -> dict[str, Any]:
     """Return what can be told apart in ``mechanism`` as plain values, for JSON.

@@ -16,7 +16,6 @@ from math import inf
 import numpy as np
 
 from fault_tolerance.detection.detector import Detector
-from fault_tolerance.detection.hypotheses import HEALTHY
 from fault_tolerance.detection.isolability import Isolability, isolability
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
@@ -31,6 +30,9 @@ from fault_tolerance.mechanism.description import Mechanism
 
 RELIEF_EVERY = 10
 """Readings from one look at the strain to the next."""
+
+LEAST_BREAKAWAYS = 5.0
+"""Amplitude of a probe over how far drives stick: what sticks shows as a drive that is stuck."""
 
 
 class Monitor:
@@ -61,7 +63,9 @@ class Monitor:
         advance: Callable[..., float] = evidence.advance,
     ) -> None:
         self.settings = settings or MonitorSettings()
-        self.detector = Detector(mechanism, self.settings.command_delay, advance)
+        self.detector = Detector(
+            mechanism, self.settings.command_delay, advance, self.settings.breakaway
+        )
         self._mechanism = mechanism
         self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
         self._failures = FailureSet()
@@ -131,6 +135,8 @@ class Monitor:
         bool
             Whether something new has been found.
         """
+        if self.detector.is_stale(sighting.stamp):
+            return False
         before = len(self.detector.suspicions)
         self._take_time(sighting.stamp)
         self._moving, self._values = moving, sighting.values
@@ -175,6 +181,8 @@ class Monitor:
             return 'no redundancy is left (r = 0): every motion of the drives moves the platform'
         if not (stress.stiffness_known or self.settings.probe_amplitude):
             return 'the stiffness of the drives is not in the mechanism file, nor probe_amplitude'
+        if self._amplitude(stress) < LEAST_BREAKAWAYS * self.settings.breakaway:
+            return 'the drives stick farther than a probe may go: see probe_force and breakaway'
         low, high = (mechanism.rate_scale[:, None] * mechanism.position_limits).T
         values, room = mechanism.rate_scale * self._values, CLEARANCE * self._amplitude(stress)
         near = (values - low < room) | (high - values < room)
@@ -197,7 +205,8 @@ class Monitor:
         detector = self.detector
         if detector.rows is None:
             return None
-        key = detector.rows, detector.known, detector.sensors
+        # Classes change with failures and sensors; the way across the workspace tells the same.
+        key = detector.known, detector.sensors
         if probe not in self._isolability or self._isolability[probe][0] != key:
             found = isolability(
                 detector.rows, detector.known, sensors=detector.sensors, probe=probe,
@@ -268,15 +277,7 @@ class Monitor:
             return 'ended early: the state has changed'
         found = self.isolability(True)
         assert found is not None
-        hidden = ', '.join(map(str, found.undetectable))
-        alike = [
-            ', '.join(map(str, group)) for group in found.classes
-            if len(group) > 1 and HEALTHY not in group
-        ]
-        text = 'no latent failure'
-        if hidden:
-            text += f'; not to be seen: {hidden}'
-        return text + ''.join(f'; would look alike: {group}' for group in alike)
+        return f'no latent failure{found.limits}'
 
     def _relieving(self, sighting: Sighting) -> FloatArray | None:
         """Return rates that lead strain back, if a change has left any."""

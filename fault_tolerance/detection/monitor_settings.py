@@ -22,6 +22,9 @@ class MonitorSettings:
         Whether what is found is only said, or handled as if it had been reported.
     command_delay : float
         Seconds from a command to its effect in the joint states.
+    breakaway : float
+        Metres by which drives that stick may lag before they slip; a drive is not suspected of
+        standing still before it should have gone twice as far.
     probe_period : float
         Seconds between two probes; 0: only on request.
     probe_amplitude : float
@@ -35,6 +38,7 @@ class MonitorSettings:
 
     detect: Detect = 'advise'
     command_delay: float = 0.0
+    breakaway: float = 0.0
     probe_period: float = 0.0
     probe_amplitude: float = 0.0
     probe_force: float = 0.5
@@ -44,7 +48,9 @@ class MonitorSettings:
         """Check the values; ValueError names what is wrong."""
         if self.detect not in ('off', 'advise', 'act'):
             raise ValueError(f'detect: {self.detect!r} is not off, advise or act')
-        for name in ('command_delay', 'probe_period', 'probe_amplitude', 'probe_force'):
+        for name in (
+            'command_delay', 'breakaway', 'probe_period', 'probe_amplitude', 'probe_force',
+        ):
             value = getattr(self, name)
             if not (isfinite(value) and value >= 0.0):
                 raise ValueError(f'{name}: {value} is not a number from 0 on')

@@ -18,6 +18,9 @@ from fault_tolerance.mechanism.arrays import FloatArray
 WINDOW = 64
 """Readings from which noise is estimated at a time."""
 
+FEWEST = 16
+"""Readings there must be in a window."""
+
 KEPT = 5
 """Windows whose median counts: noise grows and falls slowly."""
 
@@ -77,12 +80,33 @@ class SensorNoise:
         if self._filled < WINDOW:
             return False
         self._filled = 0
-        self._changed |= (self._readings != self._readings[0]).any(axis=0)
-        third = np.abs(np.diff(self._readings - self._explained, 3, axis=0))
-        # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.
-        found = np.median(third, axis=0) / (0.6745 * sqrt(20.0))
+        there = np.isfinite(self._readings)
+        first = self._readings[there.argmax(axis=0), np.arange(there.shape[1])]
+        self._changed |= (there & (self._readings != first)).any(axis=0)
+        found = roughness(self._readings - self._explained)
+        for place in np.flatnonzero((there.sum(axis=0) >= FEWEST) & ~np.isfinite(found)).tolist():
+            # One that is read less often, as a pose sensor may be.
+            rest = (self._readings - self._explained)[there[:, place], place]
+            found[place] = roughness(rest[:, None])[0]
         self._found = [*self._found[1 - KEPT :], found]
         typical = np.median(self._found, axis=0)
         proved = self._changed & np.isfinite(typical)
         self.deviation = np.where(proved, np.maximum(MARGIN * typical, self._smallest), 0.0)
         return True
+
+
+def roughness(strange: FloatArray) -> FloatArray:
+    """Return the standard deviation of the noise in windows of readings.
+
+    Parameters
+    ----------
+    strange : (..., w, c) array
+        What motion does not explain, w readings of c channels, metres.
+
+    Returns
+    -------
+    (..., c) array
+    """
+    third = np.abs(np.diff(strange, 3, axis=-2))
+    # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.
+    return np.asarray(np.median(third, axis=-2) / (0.6745 * sqrt(20.0)))

@@ -92,22 +92,22 @@ def responses(
     """
     mechanism, sensors = rows.mechanism, sensors or Sensors()
     count = len(mechanism.actuators)
-    present = ~np.isin(mechanism.actuator_names, _actuators_of(mechanism, failures.lost))
     matrices = np.zeros((len(suspects), 2 * count + 6, count))
     drift = np.zeros(matrices.shape[:2])
-    balances: dict[FailureSet, _Balance] = {}
+    alike: dict[FailureSet, list[int]] = {}
     for place, suspect in enumerate(suspects):
-        broken = _failures_with(failures, suspect)
-        if broken not in balances:
-            balances[broken] = _balance(rows, broken)
-        matrices[place], drift[place] = _response(mechanism, broken, balances[broken], suspect)
+        alike.setdefault(_failures_with(failures, suspect), []).append(place)
+    for broken, places in alike.items():
+        matrices[places], drift[places] = _responses(
+            rows, broken, [suspects[place] for place in places]
+        )
+    present = attachment_of(mechanism, failures.lost).held
     seen = np.concatenate([
         present, present & sensors.efforts, np.full(6, sensors.pose)
     ])
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
     yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
-    healthy = balances.setdefault(failures, _balance(rows, failures))
-    load = np.ascontiguousarray(range_basis(yields * healthy.joints))
+    load = np.ascontiguousarray(range_basis(yields * _balance(rows, failures).joints))
     return Responses(
         tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
     )
@@ -149,44 +149,53 @@ def _balance(rows: StrutRows, failures: FailureSet) -> _Balance:
     return _Balance(rates @ settled, twists @ settled, unheld)
 
 
-def _response(
-    mechanism: Mechanism, failures: FailureSet, balance: _Balance, suspect: Hypothesis
+def _responses(
+    rows: StrutRows, failures: FailureSet, suspects: Sequence[Hypothesis]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return matrix (c, N) and drift (c,) of all channels under one hypothesis."""
-    count, symptom = len(mechanism.actuators), suspect.symptom
+    """Return matrices (g, c, N) and drifts (g, c) of hypotheses that share one balance."""
+    mechanism, balance = rows.mechanism, _balance(rows, failures)
+    count, sprung = len(mechanism.actuators), _sprung(mechanism, failures)
     motor = np.array([one.encoder == 'motor' for one in mechanism.actuators])
-    free, sprung = _named(mechanism, failures.free), _sprung(mechanism, failures)
-    lost = _named(mechanism, _actuators_of(mechanism, failures.lost))
+    lost = ~attachment_of(mechanism, failures.lost).held
+    own = lost | (motor & ~_named(mechanism, failures.free))
     stuck = _named(mechanism, failures.stuck)
-    mine = _named(mechanism, (suspect.name,))
-    obeyed = np.diag(np.where(stuck, 0.0, 1.0))
-    if symptom in _OBEDIENCE:
-        obeyed[mine] *= _OBEDIENCE[symptom]
-    elif symptom is Symptom.SWAPPED:
-        pair = [mechanism.actuator_index(name) for name in (suspect.name, suspect.other)]
-        obeyed[pair] = obeyed[pair[::-1]]
-    own = lost | (motor & ~free)
 
-    def channels(setpoints: FloatArray, loose: FloatArray) -> FloatArray:
-        """Return what all sensors show where the setpoints have moved."""
-        joints = balance.joints @ setpoints + loose[:count]
+    def channels(setpoints: FloatArray) -> FloatArray:
+        """Return what all sensors show (..., c, k) where the setpoints have moved (..., N, k)."""
+        joints = balance.joints @ setpoints
         return np.concatenate([
-            np.where(_like(own, joints), setpoints, joints),
-            np.where(_like(sprung, joints), setpoints - joints, 0.0),
-            balance.twist @ setpoints + loose[count:],
-        ])
+            np.where(own[:, None], setpoints, joints),
+            np.where(sprung[:, None], setpoints - joints, 0.0),
+            balance.twist @ setpoints,
+        ], axis=-2)
 
-    matrix = channels(obeyed, np.zeros((count + 6, count)))
-    drift = np.zeros(len(matrix))
-    if symptom is Symptom.RUNAWAY:
-        drift = channels(mine.astype(np.float64), np.zeros(count + 6))
-    elif symptom in (Symptom.FREE, Symptom.LOST):
-        drift = channels(np.zeros(count), balance.loose)
-    elif symptom is Symptom.FROZEN:
-        matrix[:count][mine] = 0.0
-    elif symptom is Symptom.BIASED:
-        drift[:count][mine] = 1.0
-    return matrix, drift
+    obeyed = np.tile(np.diag(np.where(stuck, 0.0, 1.0)), (len(suspects), 1, 1))
+    places = {name: place for place, name in enumerate(mechanism.actuator_names)}
+    for matrix, suspect in zip(obeyed, suspects, strict=True):
+        mine = places.get(suspect.name, 0)
+        if suspect.symptom in _OBEDIENCE:
+            matrix[mine] *= _OBEDIENCE[suspect.symptom]
+        elif suspect.symptom is Symptom.SWAPPED:
+            pair = [mine, places[suspect.other]]
+            matrix[pair] = matrix[pair[::-1]]
+    matrices, alone = channels(obeyed), channels(np.eye(count))
+    loose = np.concatenate([
+        np.where(own, 0.0, balance.loose[:count]),
+        np.where(sprung, -balance.loose[:count], 0.0),
+        balance.loose[count:],
+    ])
+    drifts = np.zeros(matrices.shape[:2])
+    for place, suspect in enumerate(suspects):
+        mine = places.get(suspect.name, 0)
+        if suspect.symptom is Symptom.RUNAWAY:
+            drifts[place] = alone[:, mine]
+        elif suspect.symptom in (Symptom.FREE, Symptom.LOST):
+            drifts[place] = loose
+        elif suspect.symptom is Symptom.FROZEN:
+            matrices[place, mine] = 0.0
+        elif suspect.symptom is Symptom.BIASED:
+            drifts[place, mine] = 1.0
+    return matrices, drifts
 
 
 _OBEDIENCE = {
@@ -213,8 +222,8 @@ def relative_stiffness(mechanism: Mechanism) -> FloatArray:
 
 def _sprung(mechanism: Mechanism, failures: FailureSet) -> BoolArray:
     """Return which drives hold their joints: those neither free nor in lost struts."""
-    gone = (*failures.free, *_actuators_of(mechanism, failures.lost))
-    return np.asarray(~_named(mechanism, gone))
+    held = attachment_of(mechanism, failures.lost).held
+    return np.asarray(held & ~_named(mechanism, failures.free))
 
 
 def _failures_with(failures: FailureSet, suspect: Hypothesis) -> FailureSet:
@@ -227,13 +236,5 @@ def _failures_with(failures: FailureSet, suspect: Hypothesis) -> FailureSet:
     return FailureSet(stuck, free, lost)
 
 
-def _actuators_of(mechanism: Mechanism, struts: Sequence[str]) -> tuple[str, ...]:
-    return tuple(one.name for one in mechanism.actuators if one.strut in struts)
-
-
 def _named(mechanism: Mechanism, names: Sequence[str]) -> BoolArray:
     return np.array([name in names for name in mechanism.actuator_names])
-
-
-def _like(chosen: BoolArray, array: FloatArray) -> BoolArray:
-    return chosen[:, None] if array.ndim > 1 else chosen

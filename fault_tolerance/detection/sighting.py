@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2
 
 import numpy as np
 
@@ -14,6 +13,13 @@ from fault_tolerance.detection.hypotheses import Symptom
 from fault_tolerance.detection.responses import Responses, Sensors
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.screws import difference
+
+REACH = 0.02
+"""Characteristic lengths, and radians, for which the responses of one configuration serve."""
+
+LONGEST_GAP = 250_000_000
+"""Nanoseconds without a reading after which everything starts again: what happened is unknown."""
 
 LARGEST_JUMP = 1e-2
 """Characteristic lengths by which a reading that jumps may be off."""
@@ -71,7 +77,8 @@ class Channels:
             result[count : 2 * count] = self._yielding * sighting.efforts
         if sighting.pose is not None:
             if self._pose is not None:
-                self._travelled += _displacement(self._pose, sighting.pose, self._length)
+                moved = difference(sighting.pose, self._pose)
+                self._travelled += np.repeat([self._length, 1.0], 3) * moved
             self._pose = sighting.pose
             result[2 * count :] = self._travelled
         return result
@@ -99,13 +106,20 @@ class Channels:
         return result
 
 
-def _displacement(before: FloatArray, after: FloatArray, length: float) -> FloatArray:
-    """Return the scaled rotation vector, and the displacement, between two poses (6,)."""
-    turn = after[:3, :3] @ before[:3, :3].T
-    skew = 0.5 * np.array([
-        turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
-    ])
-    sine = float(np.linalg.norm(skew))
-    angle = atan2(sine, 0.5 * (float(np.trace(turn)) - 1.0))
-    rotation = skew * (angle / sine) if sine > 0.0 else skew
-    return np.concatenate([length * rotation, after[:3, 3] - before[:3, 3]])
+def distance(before: FloatArray, after: FloatArray, length: float) -> float:
+    """Return how far two poses are apart.
+
+    Parameters
+    ----------
+    before, after : (4, 4) arrays
+        Small rotations from each other.
+    length : float
+        What counts as a radian, metres.
+
+    Returns
+    -------
+    float
+        Radians, or lengths, whichever is more.
+    """
+    turned = np.abs(after[:3, :3] - before[:3, :3]).max()
+    return float(max(turned, np.abs(after[:3, 3] - before[:3, 3]).max() / length))

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
@@ -47,8 +47,6 @@ class Suspicion:
         The struts the candidates are about; actuators where there are no struts.
     would_separate : tuple of str
         What would tell the candidates apart: probe, efforts, pose, load.
-    settled : bool
-        Whether more readings of the same kind will not narrow it down any further.
     """
 
     candidates: tuple[Hypothesis, ...]
@@ -57,7 +55,6 @@ class Suspicion:
     travel: float
     parts: tuple[str, ...] = ()
     would_separate: tuple[str, ...] = ()
-    settled: bool = True
 
     @property
     def name(self) -> str:
@@ -97,14 +94,13 @@ class Suspicion:
         """Return whether it can be handled as if it had been reported, beside ``failures``."""
         return self.located and not self.moves_though_stuck(failures)
 
-    def values(self, *, acting: bool, settled: bool = True) -> dict[str, str]:
+    def values(self, *, acting: bool) -> dict[str, str]:
         """Return what a diagnostic status says about it, texts by key.
 
-        With ``acting`` what is ``settled`` and located carries a failure mode as a report does.
+        With ``acting`` it carries a failure mode as a report does.
         """
-        acted = acting and settled and self.located
         return {
-            'failure_mode' if acted else 'suspected_mode': self.mode,
+            'failure_mode' if acting else 'suspected_mode': self.mode,
             'candidates': ','.join(map(str, self.candidates)),
             'log_odds': decimal(self.log_odds),
             'onset': f'{self.onset // 10**9}.{self.onset % 10**9:09d}',
@@ -128,8 +124,39 @@ def _severity(suspect: Hypothesis) -> int:
     return mode.severity if mode is not None else len(FailureMode)
 
 
+def with_limp(
+    candidates: Sequence[Hypothesis], suspects: Sequence[Hypothesis]
+) -> tuple[Hypothesis, ...]:
+    """Return ``candidates``, and for a drive that moves by itself that it may hold nothing.
+
+    A load moves a limp drive, in whatever direction the platform gives way.
+
+    Parameters
+    ----------
+    candidates, suspects : sequences of Hypothesis
+        Those that explain the readings, and all there are.
+
+    Returns
+    -------
+    tuple of Hypothesis
+    """
+    moving = {one.name for one in candidates if one.symptom is Symptom.RUNAWAY}
+    limp = [one for one in suspects if one.symptom is Symptom.FREE and one.name in moving]
+    return tuple(dict.fromkeys([*candidates, *limp]))
+
+
 def parts_of(mechanism: Mechanism, candidates: Iterable[Hypothesis]) -> tuple[str, ...]:
-    """Return the struts of ``mechanism`` that ``candidates`` are about; else the actuators."""
+    """Return the struts of ``mechanism`` that ``candidates`` are about; actuators if it has none.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    candidates : iterable of Hypothesis
+
+    Returns
+    -------
+    tuple of str
+    """
     struts = {one.name: one.strut or one.name for one in mechanism.actuators}
     named = (name for one in candidates for name in (one.name, one.other) if name)
     return tuple(dict.fromkeys(struts.get(name, name) for name in named))

@@ -150,6 +150,26 @@ def compiled_kernel() -> Kernel:
     return Kernel(estimate, command, measures, advance, True)
 
 
+def around(function: Callable[..., Any], kernel: Kernel) -> Callable[..., Any]:
+    """Return plain loops around ``advance``, in the form of ``kernel``; not kept on disk.
+
+    Parameters
+    ----------
+    function : function
+        Calls ``advance`` by its name, and otherwise knows only numpy.
+    kernel : Kernel
+    """
+    if not kernel.compiled:
+        return function
+    import numba
+
+    assert isinstance(function, FunctionType)
+    copy = _copy(function)
+    copy.__globals__['advance'] = kernel.advance
+    made: Callable[..., Any] = numba.njit(error_model='numpy')(copy)
+    return made
+
+
 def is_wanted() -> bool:
     """Return whether the environment leaves the compiled form to be chosen."""
     return os.environ.get(SWITCH, 'compiled') == 'compiled'

@@ -24,8 +24,7 @@ MODEL_SHARE = 0.1
 """Share of a commanded motion that the model may be wrong by: levers, lags, gains."""
 
 CROSS_SHARE = 0.02
-"""Share of the largest motion by which any joint may move that should not: the mechanism may be a
-little away from where the responses were derived."""
+"""Share of the largest motion by which any joint may move that should not: at another place."""
 
 MOST_PER_CYCLE = 14.0
 """What one reading may add to a sum: no single one convicts."""
@@ -34,15 +33,8 @@ LOAD_STEP = 15.0
 """Evidence that a step of the load on the platform costs. It explains every motion of the joints
 that fits the platform, so what has it as the best explanation is no failure."""
 
-AFTERSHOCK = 5.0
-"""The same while the machine still shakes from the last step."""
-
-SHAKING = 50.0
-"""Readings for which it may."""
-
 UNEXPLAINED = 36.0
-"""Mean squared innovation, in variances, of the best explanation at which there is none: all
-filters start again."""
+"""Mean squared innovation, in variances, of the best explanation at which all start again."""
 
 FASTEST_DRIFT = 10.0
 """Size of unknown motions per cycle, over the largest commanded one."""
@@ -55,9 +47,14 @@ LEAST_COST = 1.5
 to one."""
 
 CHANGE_OF_PACE = 0.1
-"""Share by which an unknown motion may change from one cycle to the next: what shakes to and fro
-is no drive that runs away."""
+"""Share by which an unknown motion may change in a cycle: what shakes is no runaway drive."""
 
+SLACK = 0.25
+"""Evidence that every hypothesis loses per cycle: what the model has wrong lasts, and must not add
+up to a failure."""
+
+JUMP_COST = 1.0
+"""Evidence that a jump loses per cycle: what has not convicted soon only waits for another."""
 
 REVERSAL = 1e3
 """Evidence that an unknown motion costs which turns round: that is a machine that shakes."""
@@ -102,8 +99,7 @@ def advance(
     variance : (c,) array
         Their common variance, changed in place.
     paces : (h,) array
-        The unknown motions of the last cycle, metres; for the healthy machine, how many readings
-        it may still shake from the last load step. Changed in place.
+        The unknown motions of the last cycle, metres. Changed in place.
     scores : (h,) array
         Sums of the evidence, changed in place.
 
@@ -115,9 +111,7 @@ def advance(
     """
     count, channels, drives = matrices.shape
     gain, weight = np.zeros(channels), np.zeros(channels)
-    used = _uncertainty(
-        matrices[0], noise, moved, before, readings, variance, gain, weight
-    )
+    used = _uncertainty(matrices[0], noise, moved, before, readings, variance, gain, weight)
     least = noise[:drives].max()
     small = SMALLEST_DRIFT * least
     for j in range(drives):
@@ -128,11 +122,10 @@ def advance(
         size = small
         if jumps[h] != 0.0:
             size = jumps[h] if scores[h] == 0.0 and jumps[h] > 0.0 else 0.0
-            paces[h] = 0.0
-        elif scores[h] == 0.0:
-            paces[h] = 0.0
-        else:
+        elif scores[h] > 0.0:
             size = CHANGE_OF_PACE * abs(paces[h]) + least
+        if jumps[h] != 0.0 or scores[h] == 0.0:
+            paces[h] = 0.0
         _predict(
             matrices[h], drift[h], weight, moved, readings, levels[h], size, expected[h],
             misfit, odds, paces, h,
@@ -147,30 +140,34 @@ def advance(
                 variance[c] = noise[c] * noise[c]
                 levels[:, c] = readings[c]
         return best
-    cost = AFTERSHOCK if paces[0] > 0.0 else LOAD_STEP
-    stepped = -0.5 * beside - cost > odds[0]
-    paces[0] = SHAKING if stepped else max(paces[0] - 1.0, 0.0)
+    stepped = -0.5 * beside - LOAD_STEP > odds[0]
     if stepped:
-        odds[0] = -0.5 * beside - cost
+        odds[0] = -0.5 * beside - LOAD_STEP
+    # What is off the fit, by a share, is explained as well, if nothing explains it better.
+    whole = stepped and odds[0] >= odds.max()
     for c in range(channels):
-        if weight[c] > 0.0:
-            variance[c] = gain[c] * noise[c] * noise[c]
-        if stepped:
-            expected[0, c] = expected[0, c] + fit[c] if c < drives else readings[c]
+        heard = weight[c] > 0.0
+        if heard:
+            variance[c] = noise[c] * noise[c] * (1.0 if whole else gain[c])
+        if heard and (whole or (stepped and c >= drives)):
+            expected[0, c] = readings[c]
+        elif stepped and c < drives:
+            expected[0, c] += fit[c]
         for h in range(count):
             levels[h, c] = expected[h, c]
-            if weight[c] > 0.0:
+            if heard:
                 levels[h, c] += gain[c] * (readings[c] - expected[h, c])
-    _add_up(odds, levels, scores)
+    _add_up(odds, jumps, levels, scores)
     return best
 
 
-def _add_up(odds: FloatArray, levels: FloatArray, scores: FloatArray) -> None:
+def _add_up(odds: FloatArray, jumps: FloatArray, levels: FloatArray, scores: FloatArray) -> None:
     """Add the evidence of one cycle; where nothing is left, start from the healthy filter."""
     highest = odds.max()
     for h in range(1, len(odds)):
-        # Capped against the healthy machine, but still ranked among each other.
+        # Capped against the healthy machine, and still ranked.
         step = min(highest - odds[0], MOST_PER_CYCLE) - min(highest - odds[h], MOST_PER_CYCLE)
+        step -= JUMP_COST if jumps[h] != 0.0 else SLACK
         scores[h] = max(scores[h] + step, 0.0)
         if scores[h] == 0.0:
             for c in range(levels.shape[1]):
@@ -230,7 +227,8 @@ def _load_step(
 ) -> float:
     """Fill in the step of the encoders that fits a load; return the misfit that is left.
 
-    What efforts and the platform do under a load is not known, and counts as explained.
+    What efforts and the platform do under a load is not known, and counts as explained. A step
+    may be off its fit by a share: the mechanism may be a little away from where ``load`` is from.
     """
     drives, count = load.shape
     for k in range(count):
@@ -240,11 +238,14 @@ def _load_step(
                 along += load[c, k] * (readings[c] - expected[c])
         for c in range(drives):
             fit[c] += along * load[c, k]
+    slack = 0.0
+    for c in range(drives):
+        slack = max(slack, CROSS_SHARE * abs(fit[c]))
     left = 0.0
     for c in range(drives):
         if weight[c] > 0.0:
             off = readings[c] - expected[c] - fit[c]
-            left += weight[c] * off * off
+            left += off * off / (1.0 / weight[c] + slack * slack)
     return left
 
 

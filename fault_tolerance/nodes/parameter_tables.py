@@ -82,6 +82,7 @@ CONTROLLER = (
         command_delay=(
             'from a command to its effect in the joint states; `commission` measures it',
             's', (0.0, 0.2)),
+        breakaway=('by which drives that stick may lag before they slip', 'm', (0.0, 1.0)),
         probe_period=('from one self-stress probe to the next; 0: on request only', 's',
                       (0.0, 1e6)),
         probe_amplitude=('of the probe; 0: from force and stroke', 'm', (0.0, 1.0)),

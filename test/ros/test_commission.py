@@ -52,12 +52,26 @@ def simulator(start, probe):
     return started
 
 
+def begun(running, probe):
+    """Return whether it has begun to move, and not ended."""
+    probe.wait(lambda: any(any(one.data) for one in probe.commands)
+               or running.poll() is not None, 'a motion')
+    return running.poll() is None
+
+
 @pytest.fixture
 def moving(simulator, probe):
     """Return a machine and its first motion, which has begun."""
     node = simulator('mirror_3_strut')
-    running = process('mirror_3_strut', '--yes', '--json')
-    probe.wait(lambda: any(any(one.data) for one in probe.commands), 'a motion')
+    for _ in range(3):
+        probe.commands.clear()
+        running = process('mirror_3_strut', '--yes', '--json')
+        if begun(running, probe):
+            break
+        # A stall of a busy host is a surprise, and stops it: rightly so.
+        print(*ended(running))
+    else:
+        pytest.fail('it never began to move')
     yield node, running
     if running.poll() is None:
         running.kill()

@@ -1,0 +1,190 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""What proves itself before it accuses, and how detection goes on after a declaration."""
+
+import numpy as np
+import pytest
+from core.detection.detection_cases import (
+    PERIOD,
+    REST,
+    awaited,
+    loop_of,
+    named,
+    probed,
+    suspected,
+    warm,
+)
+
+from fault_tolerance.control.state_machine import State
+from fault_tolerance.detection.monitor_settings import MonitorSettings
+from fault_tolerance.detection.responses import Sensors
+from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.simulation.reference import Circle
+
+
+def test_nothing_is_concluded_before_the_noise_is_known():
+    loop = loop_of()
+    loop.inject('silent stuck theta_2')
+    loop.run(0.6)
+    assert not loop.monitor.detector.ready
+    assert named(loop) == []
+    assert loop.monitor.detector.evidence.keys()
+    assert max(loop.monitor.detector.evidence.values()) == 0.0
+
+
+class Blind:
+    """A plant of which some sensor reads nothing."""
+
+    def __init__(self, plant, **changes):
+        self._plant, self._changes = plant, changes
+
+    def __getattr__(self, name):
+        return getattr(self._plant, name)
+
+    def step(self, dt):
+        state = self._plant.step(dt)
+        for name, change in self._changes.items():
+            object.__setattr__(state, name, change(getattr(state, name)))
+        return state
+
+
+def test_efforts_that_are_always_zero_are_not_used():
+    loop = loop_of(side='motor', reference=Circle(1e-3, 1.0))
+    loop.plant = Blind(loop.plant, efforts=np.zeros_like)
+    loop.run(2.0)
+    assert loop.monitor.detector.sensors == Sensors(False, False)
+    assert named(loop) == []
+    # What they would have shown does not show: lost struts of encoders on drives.
+    assert 'hard:strut_1' in probed(loop)
+    loop.inject('silent stuck theta_4')
+    awaited(loop, 1.0)
+    assert [one.name for one in suspected(loop)] == ['theta_4']
+    assert np.isnan(loop.monitor.internal_force)
+
+
+def test_efforts_that_are_alive_are_used():
+    assert warm().monitor.detector.sensors == Sensors(True, False)
+
+
+def test_an_encoder_that_has_never_moved_accuses_nobody():
+    """One reading constant since the start: of a drive that nobody wired."""
+    loop = loop_of(reference=REST)
+
+    def silent(values):
+        values = values.copy()
+        values[1] = 0.0
+        return values
+
+    loop.plant = Blind(loop.plant, measured_values=silent)
+    loop.run(3.0)
+    detector = loop.monitor.detector
+    assert detector.noise[1] == 0.0
+    assert (detector.noise[[0, 2, 3]] > 0.0).all()
+    assert named(loop) == []
+
+
+def test_a_second_failure_is_found():
+    loop = loop_of('gough_stewart_8', Circle(1e-4, 1.0), monitor=MonitorSettings('act'))
+    loop.run(1.7)
+    loop.inject('silent stuck leg_2')
+    awaited(loop, 1.0)
+    loop.run(1.5)
+    assert loop.supervisor.output.state is State.DEGRADED
+    assert loop.supervisor.failures.stuck == ('leg_2',)
+    loop.inject('silent stuck leg_5')
+    loop.run(1.0)
+    found = suspected(loop)
+    assert [one.name for one in found] == ['leg_2', 'leg_5']
+    assert set(loop.supervisor.failures.stuck) == {'leg_2', 'leg_5'}
+
+
+def test_without_redundancy_left_it_says_so_and_goes_on():
+    loop = loop_of(monitor=MonitorSettings('act'))
+    loop.run(1.7)
+    loop.inject('silent free theta_2')
+    probed(loop)
+    loop.run(1.0)
+    assert loop.supervisor.failures.free == ('theta_2',)
+    assert 'no redundancy is left (r = 0)' in loop.monitor.request_probe()
+    loop.run(1.0)
+    assert len(suspected(loop)) == 1
+    # Passively it goes on: three drives and the encoder of the limp one.
+    loop.inject('silent stuck theta_4')
+    assert awaited_second(loop) < 50
+    assert suspected(loop)[1].name == 'theta_4'
+
+
+def awaited_second(loop):
+    count = 0
+    while len(suspected(loop)) < 2 and count < 200:
+        loop.run(PERIOD)
+        count += 1
+    return count
+
+
+def test_after_a_group_of_struts_nothing_more_is_said():
+    loop = warm()
+    loop.inject('silent lost strut_3')
+    probed(loop)
+    (found,) = suspected(loop)
+    assert not found.located
+    assert loop.monitor.detector.is_blind
+    assert loop.monitor.request_probe().startswith('already found')
+    loop.run(1.0)
+    assert len(suspected(loop)) == 1
+
+
+def test_after_a_clear_it_begins_anew():
+    loop = loop_of(monitor=MonitorSettings('act'))
+    loop.run(1.7)
+    loop.inject('silent stuck theta_4')
+    awaited(loop, 1.0)
+    # What was said less than 3 s ago counts as still said.
+    loop.run(3.1)
+    loop.inject('ok theta_4')
+    loop.clear()
+    loop.run(3.0)
+    assert suspected(loop) == ()
+    assert loop.supervisor.output.state is State.NOMINAL
+    loop.inject('silent stuck theta_4')
+    awaited(loop, 1.0)
+    assert [one.name for one in suspected(loop)] == ['theta_4']
+
+
+def test_a_failure_that_is_reported_is_not_found_again():
+    loop = loop_of()
+    loop.run(1.7)
+    for fault in ('stuck theta_1', 'ok theta_1', 'lost strut_2', 'ok strut_2', 'free theta_3'):
+        loop.inject(fault)
+        loop.run(0.7)
+        if fault.startswith('ok'):
+            loop.clear()
+            loop.run(0.7)
+    assert suspected(loop) == ()
+
+
+@pytest.mark.parametrize('moving', [True, False])
+def test_a_pose_sensor_tells_lost_struts_apart(moving):
+    """Of a rate of its own, with its own noise."""
+    loop = loop_of(reference=None if moving else REST)
+    monitor, rng = loop.monitor, np.random.default_rng(0)
+    observe = monitor.observe
+
+    def with_pose(sighting, *rest):
+        pose = None
+        if round(sighting.stamp / 1e7) % 2 == 0:
+            pose = loop.plant.state.pose.copy()
+            pose[:3, 3] += 2e-9 * rng.standard_normal(3)
+            turn = 1e-7 * rng.standard_normal(3)
+            pose[:3, :3] = pose[:3, :3] @ (np.eye(3) + np.cross(np.eye(3), turn))
+        return observe(
+            Sighting(sighting.stamp, sighting.values, sighting.efforts, pose), *rest
+        )
+
+    monitor.observe = with_pose
+    loop.run(4.0)
+    assert monitor.detector.sensors == Sensors(True, True)
+    assert suspected(loop) == ()
+    loop.inject('silent lost strut_3')
+    probed(loop)
+    assert named(loop) == [{'hard:strut_3'}]

@@ -1,0 +1,208 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""The probe: moves no healthy platform, leaves nothing over, ends at once, and says why not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from core.detection.detection_cases import PERIOD, REST, loop_of, probed, suspected, warm
+from core.simulation.plant_cases import UNLOADED, broken
+
+from fault_tolerance.detection.detector import Detector
+from fault_tolerance.detection.monitor import Monitor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
+from fault_tolerance.detection.probe import SAMPLES, Probe, probe_amplitude
+from fault_tolerance.detection.self_stress import SelfStress
+from fault_tolerance.kinematics.failures import FailureSet, failure_set
+from fault_tolerance.kinematics.rows import home_rows
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.simulation.plant import ElasticPlant
+from fault_tolerance.simulation.plant_settings import PlantSettings
+
+AMPLITUDE = 1e-6
+
+
+def stress_of(name, *failed):
+    mechanism = mechanism_named(name)
+    return SelfStress(home_rows(mechanism), failure_set(mechanism, failed))
+
+
+def excursion(name, *faults, **settings):
+    """Return how far a probe moves the platform, radians and characteristic lengths."""
+    mechanism = mechanism_named(name)
+    plant = ElasticPlant(mechanism, PlantSettings(
+        encoder_noise=0.0, disturbance=UNLOADED, servo_time_constant=0.0, **settings
+    ))
+    broken(plant, *faults)
+    probe = Probe(stress_of(name).probing, AMPLITUDE, PERIOD)
+    plant.step(PERIOD)
+    start, last, most = plant.state.pose.copy(), np.zeros(len(mechanism.actuators)), 0.0
+    while not probe.over:
+        last = probe.rates(PERIOD * last)
+        plant.command(last / mechanism.rate_scale)
+        pose = plant.step(PERIOD).pose
+        turned = np.abs(pose[:3, :3] - start[:3, :3]).max()
+        shifted = np.abs(pose[:3, 3] - start[:3, 3]).max() / mechanism.characteristic_length
+        most = max(most, turned, shifted)
+    return most
+
+
+@pytest.mark.parametrize('name', ['mirror_4_strut', 'gough_stewart_8', 'planar_4rpr'])
+def test_a_healthy_platform_does_not_move(name):
+    mechanism = mechanism_named(name)
+    limp = excursion(name, f'silent free {mechanism.actuator_names[0]}')
+    assert limp > 1e-7
+    assert excursion(name) < 1e-3 * limp
+
+
+def test_a_healthy_platform_does_not_move_if_its_struts_are_stiff():
+    """The over-actuated mirror pushes against what its joints bar: flexures must not give way."""
+    stiff = {'flexure_stiffness': 1e10, 'structure_stiffness': 1e10}
+    limp = excursion('mirror_overactuated', 'silent free theta_1', **stiff)
+    assert excursion('mirror_overactuated', **stiff) < 1e-3 * limp
+    assert excursion('mirror_overactuated') > 1e-2 * limp
+
+
+def test_the_tones_are_orthogonal_and_leave_nothing_over():
+    directions = np.linalg.qr(np.random.default_rng(1).normal(size=(5, 3)))[0]
+    probe, rng = Probe(directions, AMPLITUDE, PERIOD), np.random.default_rng(2)
+    position, path, moved = np.zeros(5), [], np.zeros(5)
+    while not probe.over:
+        rates = probe.rates(moved)
+        # Periods are not all the same, and the drives go as long as they last.
+        moved = PERIOD * (1.0 + 0.05 * rng.uniform(-1.0, 1.0)) * rates
+        position = position + moved
+        path.append(position)
+    path = np.array(path)
+    assert len(path) == SAMPLES + 1
+    assert np.abs(path).max() <= 1.2 * AMPLITUDE
+    np.testing.assert_allclose(position, 0.0, atol=0.05 * AMPLITUDE)
+    tones = path[:SAMPLES] @ directions
+    gram = tones.T @ tones
+    assert np.abs(gram - np.diag(np.diag(gram))).max() < 0.1 * gram.max()
+    np.testing.assert_allclose(path @ directions @ directions.T, path, atol=1e-12)
+
+
+def test_after_a_probe_of_the_loop_the_drives_are_where_they_were():
+    loop = loop_of(reference=REST, disturbance=UNLOADED)
+    loop.run(1.5)
+    before = loop.plant.setpoints
+    probed(loop)
+    loop.run(0.3)
+    np.testing.assert_allclose(loop.plant.setpoints, before, atol=2e-9)
+    assert loop.monitor.rates is None
+
+
+def test_no_drive_is_loaded_by_more_than_was_allowed():
+    loop = warm(moving=False)
+    before = loop.plant.state.efforts
+    assert loop.monitor.request_probe() == ''
+    most = 0.0
+    while loop.monitor.probing:
+        loop.run(PERIOD)
+        most = max(most, np.abs(loop.plant.state.efforts - before).max())
+    assert 0.05 < most <= 1.05 * loop.settings.monitor.probe_force
+    assert probe_amplitude(1e6, 0.5, 1.0) == 5e-7
+    assert probe_amplitude(1e6, 0.5, 1e-4) == pytest.approx(1e-7)
+
+
+@pytest.mark.parametrize('fault', ['stuck theta_3', 'silent stuck theta_3', 'pause'])
+def test_it_ends_within_a_cycle_of_a_failure_or_a_pause(fault):
+    loop = warm()
+    assert loop.monitor.request_probe() == ''
+    loop.run(0.1)
+    assert loop.monitor.probing
+    if fault == 'pause':
+        loop.supervisor.pause(True, loop._now)
+        loop.run(PERIOD)
+    else:
+        loop.inject(fault)
+        count = 0
+        while not (loop.supervisor.failures.failures or suspected(loop)):
+            loop.run(PERIOD)
+            count += 1
+            assert count < 50
+        loop.run(PERIOD)
+    assert not loop.monitor.probing
+    assert loop.monitor.rates is None
+    if fault != 'silent stuck theta_3':
+        assert loop.monitor.finding == 'ended early: the state has changed'
+    assert loop.monitor.latent_since_probe < 1.0
+
+
+def test_it_comes_by_itself():
+    loop = loop_of(monitor=MonitorSettings('advise', probe_period=1.0))
+    loop.run(0.5)
+    assert not loop.monitor.probing
+    times = []
+    for _ in range(400):
+        was = loop.monitor.probing
+        loop.run(PERIOD)
+        if loop.monitor.probing and not was:
+            times.append(loop._now)
+    assert len(times) >= 2
+    assert loop.monitor.finding.startswith('no latent failure')
+
+
+def refusal(loop):
+    return loop.monitor.refusal()
+
+
+def with_settings(loop, **changes):
+    """Return the loop with another monitor, which has heard as much."""
+    old, mechanism = loop.monitor, loop.mechanism
+    loop.monitor = Monitor(
+        mechanism, replace(old.settings, **changes), loop.supervisor.kernel.advance
+    )
+    loop.run(1.5)
+    return loop
+
+
+def test_every_refusal_has_its_reason():
+    assert refusal(with_settings(warm(), detect='off')) == 'detection is off'
+    loop = warm()
+    assert loop.monitor.request_probe() == ''
+    loop.run(PERIOD)
+    assert refusal(loop) == 'a probe is under way'
+    loop = warm()
+    loop.supervisor.pause(True, loop._now)
+    loop.run(PERIOD)
+    assert refusal(loop) == 'the controller does not move the mechanism'
+    loop = loop_of()
+    loop.run(0.1)
+    assert refusal(loop) == 'the encoders have not been heard for long enough yet'
+    assert refusal(warm('mirror_3_strut')).startswith('no redundancy is left (r = 0)')
+    assert 'breakaway' in refusal(with_settings(warm(), breakaway=1e-6))
+
+
+def test_without_a_known_stiffness_an_amplitude_is_needed():
+    mechanism = replace(mechanism_named('mirror_4_strut'), stiffness=float('nan'))
+    stress = SelfStress(home_rows(mechanism), FailureSet())
+    assert not stress.stiffness_known
+    assert stress.stiffest == np.inf
+    detector = Detector(mechanism)
+    assert detector.sensors == (False, False)
+    for amplitude, reason in ((0.0, 'stiffness'), (1e-8, '')):
+        monitor = Monitor(mechanism, MonitorSettings(probe_amplitude=amplitude))
+        source = warm().monitor
+        monitor.detector._noise = source.detector._noise
+        monitor.detector.rows = home_rows(mechanism)
+        monitor._moving, monitor._values = True, np.zeros(4)
+        assert reason in monitor.refusal()
+        assert bool(monitor.refusal()) == bool(reason)
+
+
+def test_not_near_the_end_of_a_stroke():
+    monitor = warm().monitor
+    monitor._values = np.array([0.0, 0.0, monitor._mechanism.position_limits[2, 1], 0.0])
+    assert monitor.refusal() == 'too near the end of the stroke: theta_3'
+
+
+def test_settings_say_what_is_wrong_with_them():
+    for name in ('command_delay', 'breakaway', 'probe_period', 'probe_amplitude', 'probe_force'):
+        for value in (-1.0, float('nan'), float('inf')):
+            with pytest.raises(ValueError, match=name):
+                MonitorSettings(**{name: value})
+    with pytest.raises(ValueError, match='detect'):
+        MonitorSettings('perhaps')
