@@ -78,6 +78,8 @@ class Metrics:
     failure, clearing or resumption, m/s."""
     out_of_range: tuple[str, ...] = ()
     """Actuators whose readings lie beyond their strokes."""
+    sensorless: tuple[str, ...] = ()
+    """Actuators that have failed, and whose encoders say nothing."""
     flexure_strain: float = 0.0
     """Metres."""
     misfit: float = 0.0
@@ -136,6 +138,7 @@ def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
         major_jump=command.major_jump,
         rate_jump=command.rate_jump,
         out_of_range=plausibility.out_of_range,
+        sensorless=output.sensorless,
         flexure_strain=estimate.flexure_strain,
         misfit=estimate.misfit,
         recovery_time=output.recovery_time,

@@ -15,7 +15,7 @@ from fault_tolerance.control.state_machine import MOVING, Decision, State
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.verdict import failures_in_words
-from fault_tolerance.mechanism.arrays import FloatArray, frozen
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.mechanism.configuration import Configuration
 
 
@@ -39,6 +39,8 @@ class Output:
     recovery_time: float
     """Seconds from the last failure report that changed anything to the end of the step that
     followed it; 0 before there was one, or without a clock."""
+    silent: BoolArray
+    """(N,): actuators that have failed, not with their struts, and whose encoders say nothing."""
     warnings: tuple[Notice, ...]
     """What readings contradict, as far as `Supervisor.watch` has found it."""
 
@@ -78,6 +80,21 @@ class Output:
         if self.failures and self.state in (State.WAITING, State.HOLD):
             parts.append(failures_in_words(self.failures))
         return '; '.join([*parts, *(notice.text for notice in self.warnings)])
+
+    @property
+    def standstill(self) -> str:
+        """Why nothing moves although something is asked for; empty if it is not so."""
+        if self.state not in MOVING or self.idle or not self.asked.any() or self.rates.any():
+            return ''
+        if self.saturation:
+            return f'nothing moves: {", ".join(self.saturation)} at the end of the stroke'
+        return 'nothing moves: what is asked for is outside what the mechanism can do'
+
+    @property
+    def sensorless(self) -> tuple[str, ...]:
+        """Actuators that have failed, and whose encoders say nothing."""
+        names = self.estimate.model.mechanism.actuator_names
+        return tuple(name for name, yes in zip(names, self.silent.tolist(), strict=True) if yes)
 
     @property
     def saturation(self) -> tuple[str, ...]:

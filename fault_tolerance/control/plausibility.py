@@ -1,13 +1,14 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether joint readings can be true: within the strokes of the mechanism file."""
+"""What is strange about a step: readings beyond the strokes, and a task that moves nothing."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from fault_tolerance.control.notices import Notice
+from fault_tolerance.control.output import Output
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.tolerances import OVERSHOOT
@@ -22,19 +23,29 @@ class Plausibility:
         stroke = limits[:, 1] - limits[:, 0]
         margin = OVERSHOOT * np.where(np.isfinite(stroke), stroke, 0.0)
         self._lowest, self._highest = limits[:, 0] - margin, limits[:, 1] + margin
+        self._values: FloatArray | None = None
+        self._beyond: tuple[Notice, ...] = ()
         self.out_of_range: tuple[str, ...] = ()
         """Actuators whose readings lie beyond their strokes."""
         self.notices: tuple[Notice, ...] = ()
-        """The same as warnings."""
+        """That, and that nothing moves, as warnings."""
 
-    def observe(self, values: FloatArray) -> None:
-        """Take the joint ``values`` (N,), NaN in lost struts."""
-        outside = _named(self._names, (values < self._lowest) | (values > self._highest))
-        if outside == self.out_of_range:
-            return
-        self.out_of_range = outside
-        text = f'{", ".join(outside)}: beyond the stroke in the mechanism file'
-        self.notices = (Notice('out_of_range', text, rejected=False),) if outside else ()
+    def observe(self, output: Output) -> tuple[Notice, ...]:
+        """Return what is strange about the ``output`` of a step."""
+        values = output.estimate.readings
+        if values is not self._values:
+            self._values = values
+            outside = _named(self._names, (values < self._lowest) | (values > self._highest))
+            if outside != self.out_of_range:
+                self.out_of_range = outside
+                text = f'{", ".join(outside)}: beyond the stroke in the mechanism file'
+                beyond = Notice('out_of_range', text, rejected=False)
+                self._beyond = (beyond,) if outside else ()
+        still = output.standstill
+        self.notices = self._beyond
+        if still:
+            self.notices = (*self._beyond, Notice('standstill', still, rejected=False))
+        return self.notices
 
 
 def _named(names: tuple[str, ...], chosen: BoolArray) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from math import inf
 
 import numpy as np
 
+from fault_tolerance.control.continuity import Continuity
 from fault_tolerance.control.estimate import control_model, estimate
 from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
@@ -82,6 +83,7 @@ class Supervisor:
         self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
         self._plausibility = Plausibility(mechanism)
+        self._continuity = Continuity(mechanism, self.settings.joint_state_timeout)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
         self._beside: tuple[FloatArray, FailureSet] | None = None
@@ -91,8 +93,6 @@ class Supervisor:
         self._now = -inf
         self._reported_at: float | None = None
         self._recovery_time = 0.0
-        # What is watched after the command: the readings it was made from.
-        self._unwatched: FloatArray | None = None
         self.output = self.step(-inf)
 
     @property
@@ -119,7 +119,7 @@ class Supervisor:
         ----------
         values : (N,) array
             In the mechanism's order, counted from home; NaN where there is no reading, which
-            only joints of lost struts may lack.
+            only joints that have failed may lack.
         now : float
             Seconds.
         stamp : float, optional
@@ -130,16 +130,18 @@ class Supervisor:
         Notice or None
             Why the values were rejected; the last good ones then stand until they are stale.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         taken = np.array(values, dtype=np.float64)
         taken.setflags(write=False)
-        notice = None
+        failures, notice = self._ledger.failures, None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
-            notice = unusable(self.mechanism, taken, self._ledger.failures.lost)
-        notice = notice or self._readings.offer(taken, now, stamp)
+            notice = unusable(self.mechanism, taken, failures.parts)
+        notice = notice or self._readings.late(now, stamp)
         if notice is None:
+            moving = self.output.state in MOVING
+            taken, notice = self._continuity.followed(taken, now, stamp, failures, moving)
+        if notice is None:
+            self._readings.take(taken, now, stamp)
             self._outdated = self._unread = True
         return notice
 
@@ -186,6 +188,7 @@ class Supervisor:
         """
         self._pass_time(now)
         cleared = self._ledger.clear(now)
+        self._continuity.forget()
         self._outdated = True
         self._errors = 0
         was_stopped = self._machine.release()
@@ -206,11 +209,13 @@ class Supervisor:
     def pause(self, paused: bool, now: float) -> None:
         """Hold from ``now`` on while ``paused``."""
         self._pass_time(now)
+        self._continuity.forget()
         self._paused = paused
 
     def forget_times(self, now: float) -> None:
         """Wait for fresh inputs: the clock they are stamped by was set back to ``now``."""
         self._readings.restart_clock()
+        self._continuity.forget()
         self._velocity.restart_clock()
         self._ledger.restart_clock(now)
 
@@ -219,9 +224,7 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         ledger, readings, velocity = self._ledger, self._readings, self._velocity
         failures, before, settings = ledger.failures, self._command, self.settings
         command = None
@@ -241,13 +244,13 @@ class Supervisor:
                     self._base, self._unread = found, False
                 base, values = self._base, readings.value
                 found = self._estimate = estimate(self._model, base, values, failures)
-                if self._outdated:
-                    self._unwatched, self._outdated = found.readings, False
+                self._outdated = False
             degraded = found if failures.stuck or failures.free or failures.lost else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
-            hold: Reason = 'paused' if self._paused else found.obstacle
-            if stale and not self._paused:
+            hold: Reason = 'paused' if self._paused else self._continuity.doubt(now)
+            if stale and not hold:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
+            hold = hold or found.obstacle
             if not (hold or found.tolerated or degraded):
                 hold = found
             if found.located and not (stop or hold or self._machine.stop):
@@ -271,12 +274,13 @@ class Supervisor:
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, asked, idle,
-            stale or readings.value is None, self._recovery_time, self._plausibility.notices,
+            stale or readings.value is None, self._recovery_time, self._continuity.sensorless,
+            self._plausibility.notices,
         )
         return self.output
 
     def watch(self) -> tuple[Notice, ...]:
-        """Compare the readings of the last step with the strokes.
+        """Compare the last readings with the strokes, and what moves with what is asked for.
 
         To be called after the command is on its way; what it finds is in the next output.
 
@@ -284,10 +288,7 @@ class Supervisor:
         -------
         tuple of Notice
         """
-        if self._unwatched is not None:
-            self._plausibility.observe(self._unwatched)
-        self._unwatched = None
-        return self._plausibility.notices
+        return self._plausibility.observe(self.output)
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""

@@ -51,6 +51,8 @@ class Actuator:
     """What its encoder reads: the joint, or the drive before whatever gives way between them."""
     stiffness: float = nan
     """Of its hold on the joint, N/m or N m/rad; NaN where it is not known."""
+    period: float = inf
+    """After which its encoder reads the same again, rad or m; infinite where it counts on."""
 
     def __repr__(self) -> str:
         return f'Actuator({self.name!r}, {self.kind})'
@@ -70,6 +72,8 @@ class Actuator:
             raise MechanismError(self.name, 'encoder', f'{self.encoder!r} is not load or motor')
         if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
             raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
+        if isnan(self.period) or not self.period > 0.0:
+            raise MechanismError(self.name, 'period', f'{self.period} is not positive')
         if self.sign not in (-1, 1):
             raise MechanismError(self.name, 'sign', f'{self.sign} is neither 1 nor -1')
         if not self.joint_state_name:

@@ -72,7 +72,7 @@ class Controller(Node):
         )
         self._inputs = InputSubscriber(
             self, supervisor, frame, *shared, partial(self._cycle, answers=True),
-            self._silent.observe,
+            self._silent.observe, self.deferred,
         )
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports

@@ -102,6 +102,7 @@ def _mechanism_values(metrics: Metrics) -> Mapping[str, str]:
         **{key: decimal(getattr(metrics, key)) for key in _DECIMALS},
         'saturation': ', '.join(metrics.saturation),
         'out_of_range': ', '.join(metrics.out_of_range),
+        'sensorless': ', '.join(metrics.sensorless),
         'recovery_time_us': decimal(1e6 * metrics.recovery_time),
         'worst_next': f'{metrics.worst_next} {decimal(metrics.worst_next_measure)}'.strip(),
     }

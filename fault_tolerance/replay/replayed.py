@@ -146,7 +146,7 @@ class Replay:
         self._mechanism, self._acting = mechanism, detect == 'act'
         self._supervisor = Supervisor(mechanism)
         self.detector = Detector(mechanism, delay, self._supervisor.kernel.advance)
-        self._joints = JointStateReader(mechanism)
+        self._joints = JointStateReader(mechanism, self._supervisor.settings.joint_state_timeout)
         self._places: dict[tuple[str, ...], list[int] | None] = {}
         self._failures = FailureSet()
         self._pose: FloatArray | None = None
@@ -196,8 +196,8 @@ class Replay:
         return 1e-9 * self._now
 
     def _read(self, reading: RecordedReading, now: float) -> bool:
-        lost = self._supervisor.output.failures.lost
-        values, _ = self._joints.readings(reading.names, reading.positions, lost)
+        failed = self._supervisor.failures.parts
+        values, _ = self._joints.readings(reading.names, reading.positions, failed, now)
         taken = values is not None and self._supervisor.joint_reading(values, now) is None
         self.rejected += not taken
         return taken

@@ -146,8 +146,8 @@ class RecordedLoop:
         twist = self._pointing.velocity(seen.pose, mechanism.origin, angle, rate)
         now = self._now + LATENCY
         self.supervisor.task_velocity(twist[mechanism.task.rows], 1e-9 * now)
-        lost = self.supervisor.output.failures.lost
-        values, _ = self._reader.readings(list(names), message.position.tolist(), lost)
+        failed = self.supervisor.failures.parts
+        values, _ = self._reader.readings(list(names), message.position.tolist(), failed)
         assert self.supervisor.joint_reading(values, 1e-9 * now, 1e-9 * self._now) is None
         self._cycle(now, answers=True)
         output = self.supervisor.output

@@ -141,7 +141,7 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
         'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
-        'rate_jump', 'out_of_range', 'inconsistent', 'suspected', 'not_told_apart',
+        'rate_jump', 'out_of_range', 'sensorless', 'inconsistent', 'suspected', 'not_told_apart',
         'undetectable', 'latent_since_probe', 'internal_force',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
