@@ -29,6 +29,7 @@ RECORDED = {
     COMMANDS: 'std_msgs/msg/Float64MultiArray',
     JOINT_COMMANDS: 'sensor_msgs/msg/JointState',
     STATE: 'std_msgs/msg/String',
+    'fault_tolerance/status': 'diagnostic_msgs/msg/DiagnosticStatus',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
     f'{METRICS}/position': 'std_msgs/msg/Float64MultiArray',

@@ -144,7 +144,7 @@ class FailureLedger:
             # A late report that a part is healthy is still true.
             if statement.mode is not FailureMode.NONE and self._came_late(stamp, now):
                 text = f'{report.target} {report.mode}: reported before the last clear'
-                notices.append(Notice('before_clear', clean(text)))
+                notices.append(Notice('before_clear', clean(text), part=report.target or ''))
                 continue
             source = self._place(report.source, statement)
             earlier = message.get(source)
@@ -178,7 +178,7 @@ class FailureLedger:
         if entry and not entry.healed:
             self._entries[source] = entry._replace(healed=True)
             text = f'{entry.statement.text} is reported healthy, but stays until it is cleared'
-            notices.append(Notice('latched', text, rejected=False))
+            notices.append(Notice('latched', text, False, statement.target))
         return False
 
     def _refresh(self) -> None:
@@ -204,7 +204,7 @@ class FailureLedger:
                 words = ' and '.join(sorted(mode.value for mode in found))
                 used = self.failures.mode_of(self._mechanism, name).value
                 text = f'{name} is reported as {words} in one message: {used} is used'
-                yield Notice('conflicting_modes', text, rejected=False)
+                yield Notice('conflicting_modes', text, False, name)
 
     def _meant(self, statement: Statement) -> tuple[str, ...]:
         """Return the actuators a statement is about."""

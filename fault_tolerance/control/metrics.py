@@ -10,11 +10,9 @@ from math import isnan
 
 import numpy as np
 
-from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.control.notices import clean
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.plausibility import Plausibility
-from fault_tolerance.control.state_machine import State
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.kinematics.measures import measure_bounds, motion_quality, worst_failure
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -49,8 +47,7 @@ class Metrics:
     message: str
     """A sentence for a person."""
     level: int
-    """Diagnostic level: OK nominal, WARN tolerated, ERROR not tolerated, STALE an input is
-    lost."""
+    """As `Output.level`."""
     failures: tuple[str, ...]
     """As ``position:theta_4``."""
     mobility: int = 0
@@ -101,7 +98,7 @@ def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
     State and message only, before anything is known or where the measures fail.
     """
     state, estimate = output.state.value, output.estimate
-    message, level = state, _level(output)
+    message, level = state, output.level
     failures = tuple(str(failure) for failure in output.failures.failures)
     try:
         message = f'{state}: {output.reason}'
@@ -180,16 +177,6 @@ def _struts(output: Output, hard: FloatArray) -> tuple[StrutMetrics, ...]:
         )
         for name, h in zip(names, hard.tolist(), strict=True)
     )
-
-
-def _level(output: Output) -> int:
-    if output.state is State.STOPPED:
-        return ERROR
-    if output.input_lost:
-        return STALE
-    if output.failures or output.state is State.HOLD or output.warnings:
-        return WARN
-    return OK
 
 
 def _known(value: float) -> float | None:

@@ -25,16 +25,18 @@ class Plausibility:
         self.out_of_range: tuple[str, ...] = ()
         """Actuators whose readings lie beyond their strokes."""
         self.notices: tuple[Notice, ...] = ()
-        """The same as warnings."""
+        """The same as warnings, for as long as it lasts."""
 
-    def observe(self, values: FloatArray) -> None:
-        """Take the joint ``values`` (N,), NaN in lost struts."""
+    def observe(self, values: FloatArray) -> tuple[Notice, ...]:
+        """Take the joint ``values`` (N,), NaN in lost struts; return a notice if any is news."""
         outside = _named(self._names, (values < self._lowest) | (values > self._highest))
         if outside == self.out_of_range:
-            return
-        self.out_of_range = outside
+            return ()
         text = f'{", ".join(outside)}: beyond the stroke in the mechanism file'
         self.notices = (Notice('out_of_range', text, rejected=False),) if outside else ()
+        news = self.notices if set(outside) - set(self.out_of_range) else ()
+        self.out_of_range = outside
+        return news
 
 
 def _named(names: tuple[str, ...], chosen: BoolArray) -> tuple[str, ...]:

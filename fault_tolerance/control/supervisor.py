@@ -36,7 +36,8 @@ from fault_tolerance.mechanism.description import Mechanism
 MOST_ERRORS = 3
 """Internal errors in a row after which the controller stops."""
 
-_WAITING = 'no joint state yet'
+WAITING = 'no joint state yet'
+"""Why the state is waiting."""
 
 
 class Supervisor:
@@ -253,7 +254,7 @@ class Supervisor:
             if found.located and not (stop or hold or self._machine.stop):
                 command = rate_command(self._model, found, asked, before, now)
                 hold = command.obstacle
-            waiting = '' if found.located else _WAITING
+            waiting = '' if found.located else WAITING
             decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
@@ -283,11 +284,10 @@ class Supervisor:
         Returns
         -------
         tuple of Notice
+            What is new.
         """
-        if self._unwatched is not None:
-            self._plausibility.observe(self._unwatched)
-        self._unwatched = None
-        return self._plausibility.notices
+        readings, self._unwatched = self._unwatched, None
+        return () if readings is None else self._plausibility.observe(readings)
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""

@@ -24,10 +24,10 @@ from rclpy.node import Node
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
-from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.command_publisher import CommandPublisher
-from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.input_subscriber import InputSubscriber
 from fault_tolerance.nodes.kernel_startup import KernelStartup
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
@@ -45,8 +45,6 @@ WATCHDOG_PERIOD, METRICS_PERIOD = 0.01, 0.2
 COLLECTION_PERIOD = 5.0  # of garbage
 LATE = 3.0 * WATCHDOG_PERIOD  # after which messages may be pending unread
 STALL = 0.15  # between two watchdog ticks: counted
-
-_LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
 
 
 class Controller(Node):
@@ -68,7 +66,7 @@ class Controller(Node):
         shared = timeline, self._health
         self._silent = SilentFailures(self, supervisor, values, prefix, *shared, self._cycle)
         self._status = StatusPublisher(
-            self, supervisor, prefix, self.deferred, self._silent.values
+            self, supervisor, prefix, self.deferred, self._health, self._silent.values
         )
         self._inputs = InputSubscriber(
             self, supervisor, frame, *shared, partial(self._cycle, answers=True),
@@ -156,12 +154,11 @@ class Controller(Node):
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""
         self._inputs.check_publishers()
-        state = self._supervisor.output.state
-        if state is not State.WAITING:
-            return _LEVELS.get(state, WARN), state.value
-        if not self._status.discovering:
-            self._health.warn_once('waiting', self._inputs.missing_joint_states())
-        return WARN, self._inputs.missing_joint_states()
+        output = self._supervisor.output
+        reason = output.reason
+        if output.state is State.WAITING:
+            reason = f'{self._inputs.missing_joint_states()}{reason.removeprefix(WAITING)}'
+        return output.level, f'{output.state.value}: {reason}'
 
     def on_shutdown(self) -> None:
         """Stop the drives."""

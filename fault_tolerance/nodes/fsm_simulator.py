@@ -15,11 +15,12 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from fault_tolerance.control.failure_reports import OK
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.fault_injection import FAULTS, FaultInjection
-from fault_tolerance.nodes.health import OK, Health
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.markers import MarkerPublisher
 from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
 from fault_tolerance.nodes.parameter_tables import SIMULATOR

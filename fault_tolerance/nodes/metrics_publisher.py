@@ -56,13 +56,15 @@ class MetricsPublisher:
         publishers = (self._all, *self._scalars.values(), *self._arrays.values())
         return any(one.get_subscription_count() for one in publishers)
 
-    def publish(self, stamp: Time, metrics: Metrics, further: Mapping[str, str]) -> None:
+    def publish(
+        self, stamp: Time, metrics: Metrics, told: tuple[int, str], further: Mapping[str, str]
+    ) -> None:
         """Publish the ``metrics`` with their ``stamp`` on every topic that has a subscriber.
 
-        The status of the mechanism holds the ``further`` values as well.
+        The status of the mechanism has level and text as ``told``, and the ``further`` values.
         """
         if self._all.get_subscription_count():
-            self._all.publish(diagnostics_to_msg(stamp, self._statuses(metrics, further)))
+            self._all.publish(diagnostics_to_msg(stamp, self._statuses(metrics, told, further)))
         for name, publisher in self._scalars.items():
             if publisher.get_subscription_count():
                 failed = name == 'active_failures'
@@ -76,12 +78,12 @@ class MetricsPublisher:
                 publisher.publish(labelled_array_to_msg(values))
 
     def _statuses(
-        self, metrics: Metrics, further: Mapping[str, str]
+        self, metrics: Metrics, told: tuple[int, str], further: Mapping[str, str]
     ) -> Iterator[DiagnosticStatus]:
         """Yield the status of the mechanism, of every actuator and of every strut."""
         yield status_to_msg(
             'fault_tolerance: mechanism', f'{self._prefix}{self._name}',
-            metrics.level, metrics.message, {**_mechanism_values(metrics), **further},
+            *told, {**_mechanism_values(metrics), **further},
         )
         for part in (*metrics.actuators, *metrics.struts):
             failed = part.failure != 'none'

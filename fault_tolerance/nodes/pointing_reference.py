@@ -14,11 +14,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
+from fault_tolerance.control.failure_reports import OK
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.pointing import PointingLoop, pointing_error
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.task import COORDINATES
-from fault_tolerance.nodes.health import OK, Health
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (
     nanoseconds_from_msg,
     pose_from_msg,

@@ -28,6 +28,9 @@ PUBLISHED = {
         'fault_tolerance', 'sensor_msgs/msg/JointState', RELIABLE
     ),
     'fault_tolerance/state': ('fault_tolerance', 'std_msgs/msg/String', RELIABLE),
+    'fault_tolerance/status': (
+        'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticStatus', RELIABLE
+    ),
     'fault_tolerance/metrics': (
         'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticArray', RELIABLE
     ),
@@ -115,7 +118,7 @@ def test_everything_is_where_the_contract_says(running, namespace):
         assert info.node_namespace == (root.rstrip('/') or '/')
         assert info.qos_profile.reliability == reliability, topic
         latched = info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        assert latched is topic.endswith('/state'), topic
+        assert latched is topic.endswith(('/state', '/status')), topic
     for topic, (subscriber, reliability) in SUBSCRIBED.items():
         infos = node.get_subscriptions_info_by_topic(root + topic)
         (info,) = [one for one in infos if one.node_name == subscriber]
@@ -191,13 +194,17 @@ def test_metrics_come_five_times_a_second(running):
     running.wait(lambda: running.metrics and regular(), 'ten periods of metrics')
 
 
-def test_every_node_tells_of_its_own_health(running):
+def test_every_node_tells_of_its_own_health_with_its_namespace(running, namespace):
     diagnostics = running.heard(DiagnosticArray, '/diagnostics')
 
     def names():
         return {status.name for message in diagnostics for status in message.status}
 
-    wanted = {'fault_tolerance: controller', 'fsm: simulator', 'pointing: reference'}
+    prefix = f'{namespace}/' if namespace else ''
+    wanted = {
+        f'{prefix}{name}'
+        for name in ('fault_tolerance: controller', 'fsm: simulator', 'pointing: reference')
+    }
     running.wait(lambda: wanted <= names(), 'the health of all three nodes')
 
 
