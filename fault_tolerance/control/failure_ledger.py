@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
 from fault_tolerance.control.failure_reports import STALE, Report, Statement, interpret
@@ -87,6 +87,8 @@ class FailureLedger:
         self._report_timeout = report_timeout
         self._entries: dict[_Source, _Entry] = {}
         self._cleared_at: float | None = None
+        self.heard = -inf
+        """When a part of the mechanism was last reported on, seconds."""
         self.failures = FailureSet()
         self.stop_reason = ''
         """Why the reports demand a stop by themselves; empty if they do not."""
@@ -96,6 +98,8 @@ class FailureLedger:
         before = (self.failures, self.stop_reason)
         notices: list[Notice] = []
         message = self._statements(reports, now, notices)
+        if message:
+            self.heard = now
         news = [source for source, said in message.items() if self._latch(source, *said, notices)]
         if news:
             self._refresh()
@@ -119,7 +123,7 @@ class FailureLedger:
 
     def restart_clock(self, now: float) -> None:
         """Forget times later than ``now`` (s): the clock was set back."""
-        self._cleared_at = None
+        self._cleared_at, self.heard = None, min(self.heard, now)
         for source, entry in self._entries.items():
             self._entries[source] = entry._replace(heard=min(entry.heard, now))
 

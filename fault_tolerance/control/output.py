@@ -37,7 +37,7 @@ class Output:
     """Why nothing is asked for; empty if something is."""
     input_lost: bool
     """Whether joint states that were there, or are waited for, are missing."""
-    recovery_time: float
+    reconfiguration_time: float
     """Seconds from the last failure report that changed anything to the end of the step that
     followed it; 0 before there was one, or without a clock."""
     warnings: tuple[Notice, ...]

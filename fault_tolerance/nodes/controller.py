@@ -94,7 +94,7 @@ class Controller(Node):
         self._stepped = True
         answered = output.estimate.readings if answers else None
         self._silent.command(output.command.rates, answered)
-        for notice in self._supervisor.watch():
+        for notice in self._supervisor.watch(self._silent.monitor.internal_force):
             self._health.warn(notice)
         self._publish_later(output, now)
 

@@ -38,7 +38,7 @@ _UNITS = {'revolute': 'rad/s', 'prismatic': 'm/s'}
 _SHOWN = {
     'retained_manipulability': 'manipulability retained',
     'condition_number': 'condition number',
-    'recovery_time_us': 'recovery time, us',
+    'recovery_time_us': 'reconfiguration time, us',
 }
 
 
@@ -69,8 +69,8 @@ class ControllerMonitor:
             Vector3Stamped, topics.POINTING_ERROR, self._take_error, qos_profile_sensor_data
         )
         for mode in self._names:
-            take = partial(self._take_names, mode)
-            node.create_subscription(Float64MultiArray, f'{topics.METRICS}/{mode}', take, 10)
+            name, take = topics.ARRAYS[mode], partial(self._take_names, mode)
+            node.create_subscription(Float64MultiArray, f'{topics.METRICS}/{name}', take, 10)
 
     def snapshot(self) -> Snapshot:
         """Return a summary of the newest messages."""
@@ -156,7 +156,7 @@ class ControllerMonitor:
         self._errors.append(math.hypot(message.vector.x, message.vector.y))
 
     def _take_names(self, mode: str, message: Float64MultiArray) -> None:
-        self._names[mode] = [one.label for one in message.layout.dim]
+        self._names[mode] = topics.labels_in(message)
 
 
 def _values(status: DiagnosticStatus | None) -> dict[str, str]:

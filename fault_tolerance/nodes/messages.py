@@ -111,9 +111,10 @@ def array_to_msg(values: FloatArray) -> Float64MultiArray:
 
 
 def labelled_array_to_msg(values: Mapping[str, float]) -> Float64MultiArray:
-    """Return the message for ``values`` by label: one dimension of size 1 for each."""
-    message = Float64MultiArray(data=array('d', values.values()))
-    message.layout.dim = [MultiArrayDimension(label=name, size=1, stride=1) for name in values]
+    """Return the message for N ``values`` by name: one dimension, its label all the names."""
+    message, count = Float64MultiArray(data=array('d', values.values())), len(values)
+    label = ','.join(values)
+    message.layout.dim = [MultiArrayDimension(label=label, size=count, stride=count)]
     return message
 
 

@@ -73,6 +73,12 @@ CONTROLLER = (
             'hold if redundant joint readings disagree by more than this share of '
             'the characteristic length',
             '', (1e-9, 1e9)),
+        internal_force_limit=(
+            'warn if drives push against each other by more; 0: never', 'N', (0.0, 1e9)),
+        tracking_error_limit=(
+            'warn if commanded and measured rates differ by more; 0: never', 'm/s', (0.0, 1e9)),
+        saturation_limit=(
+            'warn if an actuator is at a limit for longer; 0: never', 's', (0.0, 3600.0)),
     ),
     *_fields(
         MonitorSettings,

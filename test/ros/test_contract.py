@@ -18,8 +18,10 @@ from fault_tolerance.analysis.topics import RECORDED
 RELIABLE, SENSOR = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 SCALARS = (
     'position_tolerance', 'torque_tolerance', 'hard_tolerance', 'retained_manipulability',
-    'condition_number', 'active_failures', 'recovery_time',
+    'condition_number', 'active_failures', 'reconfiguration_time', 'tracking_error',
+    'time_since_report', 'internal_force',
 )
+ARRAYS = ('position_measures', 'torque_measures', 'hard_measures')
 PUBLISHED = {
     'velocity_controller/commands': (
         'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
@@ -42,7 +44,7 @@ PUBLISHED = {
         f'fault_tolerance/metrics/{name}': (
             'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
         )
-        for name in ('position', 'torque', 'hard')
+        for name in ARRAYS
     },
     'fault_tolerance/achieved_velocity': (
         'fault_tolerance', 'geometry_msgs/msg/TwistStamped', RELIABLE
@@ -145,7 +147,8 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
         'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
         'rate_jump', 'out_of_range', 'inconsistent', 'suspected', 'not_told_apart',
-        'undetectable', 'latent_since_probe', 'internal_force',
+        'undetectable', 'latent_since_probe', 'internal_force', 'time_since_report',
+        'tracking_error',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]
@@ -166,8 +169,10 @@ def test_plots_have_topics_and_labels_of_their_own(running):
     }
     lists = {
         name: running.heard(Float64MultiArray, f'fault_tolerance/metrics/{name}')
-        for name in ('position', 'torque', 'hard')
+        for name in ARRAYS
     }
+    # Nothing has been reported: since when is not known.
+    assert not scalars.pop('time_since_report')
     heard = [*scalars.values(), *lists.values()]
     running.wait(lambda: all(heard), 'every metric')
     assert scalars['position_tolerance'][-1].data == pytest.approx(3**-0.5, abs=1e-3)
@@ -176,9 +181,10 @@ def test_plots_have_topics_and_labels_of_their_own(running):
     assert scalars['retained_manipulability'][-1].data == pytest.approx(1.0)
     assert scalars['active_failures'][-1].data == 0.0
     for name, messages in lists.items():
-        kind = 'strut' if name == 'hard' else 'theta'
-        labels = [entry.label for entry in messages[-1].layout.dim]
-        assert labels == [f'{kind}_{number}' for number in range(1, 5)]
+        kind = 'strut' if name == 'hard_measures' else 'theta'
+        (dimension,) = messages[-1].layout.dim
+        assert dimension.label == ','.join(f'{kind}_{number}' for number in range(1, 5))
+        assert (dimension.size, dimension.stride) == (4, 4)
         assert len(messages[-1].data) == 4
 
 
