@@ -72,6 +72,11 @@ def split(topic: str) -> tuple[str, str] | None:
     return None
 
 
+def renamed(topic: str, node: str) -> str:
+    """Return a ``topic`` of the controller, or the simulator, where it is named ``node``."""
+    return f'{node}/{topic.partition("/")[2]}'
+
+
 def labels_in(message: Any) -> list[str]:
     """Return the names of the numbers in a ``message`` on one of the `ARRAYS`."""
     return [name for one in message.layout.dim for name in one.label.split(',') if name]

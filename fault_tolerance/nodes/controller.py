@@ -39,6 +39,7 @@ from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settin
 from fault_tolerance.nodes.spinning import Deferred, run
 from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 
 NAME = 'fault_tolerance'
 WATCHDOG_PERIOD, METRICS_PERIOD = 0.01, 0.2
@@ -172,6 +173,9 @@ def _settings(values: dict[str, Any]) -> Settings:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code('controller', __doc__, CONTROLLER, args)
+    if code is not None:
+        return code
     try:
         startup = KernelStartup()
     except KeyboardInterrupt:  # before `run` handles signals

@@ -22,6 +22,7 @@ from fault_tolerance.analysis.snapshot import Actuator, Snapshot, Strut, Suspect
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.operator_client import CONTROLLER
 
 ERRORS_KEPT = 300
 """Pointing errors in the sparkline: three seconds at 100 Hz."""
@@ -46,9 +47,12 @@ class ControllerMonitor:
     """Subscribes to one controller, in the namespace of ``node``, and summarises its state.
 
     ``mechanism`` is for limits and units; by default the shipped one that the controller names.
+    The controller's own name is ``controller``.
     """
 
-    def __init__(self, node: Node, mechanism: Mechanism | None = None) -> None:
+    def __init__(
+        self, node: Node, mechanism: Mechanism | None = None, controller: str = CONTROLLER
+    ) -> None:
         self._mechanism = mechanism
         self._namespace = node.get_namespace()
         self._state = ''
@@ -61,8 +65,10 @@ class ControllerMonitor:
         self._errors: deque[float] = deque(maxlen=ERRORS_KEPT)
         self._names: dict[str, list[str]] = {'position': [], 'hard': []}
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(String, topics.STATE, self._take_state, latched)
-        node.create_subscription(DiagnosticArray, topics.METRICS, self._take_metrics, 10)
+        state = topics.renamed(topics.STATE, controller)
+        metrics = topics.renamed(topics.METRICS, controller)
+        node.create_subscription(String, state, self._take_state, latched)
+        node.create_subscription(DiagnosticArray, metrics, self._take_metrics, 10)
         node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._take_diagnostics, 10)
         node.create_subscription(Float64MultiArray, topics.COMMANDS, self._take_rates, 10)
         node.create_subscription(
@@ -70,7 +76,12 @@ class ControllerMonitor:
         )
         for mode in self._names:
             name, take = topics.ARRAYS[mode], partial(self._take_names, mode)
-            node.create_subscription(Float64MultiArray, f'{topics.METRICS}/{name}', take, 10)
+            node.create_subscription(Float64MultiArray, f'{metrics}/{name}', take, 10)
+
+    @property
+    def heard(self) -> bool:
+        """Whether the controller has told its state."""
+        return bool(self._state)
 
     def snapshot(self) -> Snapshot:
         """Return a summary of the newest messages."""

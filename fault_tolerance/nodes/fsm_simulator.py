@@ -27,6 +27,7 @@ from fault_tolerance.nodes.parameter_tables import SIMULATOR
 from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.state import LONGEST_STEP
@@ -102,6 +103,9 @@ def _settings(values: dict[str, Any]) -> PlantSettings:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code('fsm_simulator', __doc__, SIMULATOR, args)
+    if code is not None:
+        return code
     return run(NAME, FsmSimulator, args)
 
 

@@ -30,6 +30,7 @@ from fault_tolerance.nodes.parameter_tables import POINTING
 from fault_tolerance.nodes.parameters import ParameterError, declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 from fault_tolerance.simulation.reference import Reference, reference
 
 NAME = 'pointing'
@@ -115,6 +116,9 @@ def _reference(values: dict[str, Any]) -> Reference:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code('pointing_reference', __doc__, POINTING, args)
+    if code is not None:
+        return code
     return run(NAME, PointingReference, args)
 
 
