@@ -143,13 +143,12 @@ def _parser() -> argparse.ArgumentParser:
     add_study(command(_detection_study, 'false alarms and delays of detection, in simulation'))
     one = command(_inject, 'break or mend the running simulated mirror')
     one.add_argument(
-        'words', nargs='+', metavar='WORD',
-        help='[silent] MODE NAME, as for the topic: stuck theta_4, ok all; '
-        f'MODE is one of {", ".join(FAULT_WORDS)}',
+        'words', nargs='+', metavar='WORD', help='[silent] MODE NAME, as for the topic: '
+        f'stuck theta_4, ok all; MODE is one of {", ".join(FAULT_WORDS)}',
     )
     add_node(one, 'fsm', 'the simulator')
-    one = command(_clear, 'let the running controller release failures')
-    add_node(one, 'fault_tolerance', 'the controller')
+    what = 'let the running controller release failures'
+    add_node(command(_clear, what), 'fault_tolerance', 'the controller')
     return parser
 
 

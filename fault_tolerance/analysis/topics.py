@@ -43,6 +43,8 @@ RECORDED = {
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64MultiArray' for name in ARRAYS.values()},
     'fault_tolerance/task_velocity': 'geometry_msgs/msg/TwistStamped',
     'fault_tolerance/achieved_velocity': 'geometry_msgs/msg/TwistStamped',
+    'fault_tolerance/platform_pose': 'geometry_msgs/msg/PoseStamped',
+    'fault_tolerance/markers': 'visualization_msgs/msg/MarkerArray',
     'fsm/inject_fault': 'std_msgs/msg/String',
     'fsm/mirror_pose': 'geometry_msgs/msg/PoseStamped',
     'fsm/mirror_velocity': 'geometry_msgs/msg/TwistStamped',

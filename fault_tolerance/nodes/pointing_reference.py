@@ -62,8 +62,8 @@ class PointingReference(Node):
         self._velocities = self.create_publisher(TwistStamped, 'fault_tolerance/task_velocity', 10)
         self._references = self.create_publisher(Vector3Stamped, '~/reference', 10)
         self._errors = self.create_publisher(Vector3Stamped, '~/error', 10)
-        self.create_subscription(
-            PoseStamped, 'fsm/mirror_pose', self._on_pose, qos_profile_sensor_data
+        self._poses = self.create_subscription(
+            PoseStamped, self._values['pose_topic'], self._on_pose, qos_profile_sensor_data
         )
 
     def _set_up(self) -> None:
@@ -97,7 +97,9 @@ class PointingReference(Node):
             publisher.publish(vector_to_msg(message.header.stamp, self._frame, vector))
 
     def _present(self) -> tuple[int, str]:
-        return OK, 'waiting for mirror poses' if self._started is None else self._values['kind']
+        if self._started is None:
+            return OK, f'waiting for mirror poses on {self._poses.topic_name}'
+        return OK, self._values['kind']
 
 
 def _reference(values: dict[str, Any]) -> Reference:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from time import monotonic
 
@@ -16,12 +17,15 @@ from std_msgs.msg import String
 from fault_tolerance.control.failure_reports import ERROR, OK
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
-from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import status_name, status_to_msg
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
+
+METRICS_PERIOD, COLLECTION_PERIOD = 0.2, 5.0
+"""Seconds from metrics to metrics, and from one collection of garbage to the next."""
 
 DISCOVERY = 2.0
 """Seconds after start-up during which the state ``waiting`` is not published.
@@ -36,19 +40,19 @@ class StatusPublisher:
 
     Level and text are those that ``health`` tells on the diagnostics. A ``prefix`` begins the
     hardware ids. ``deferred`` gets work that must not delay a command. ``further`` returns what
-    else belongs into the metrics, texts by key. ``report_stamp`` is the stamp of the last report
-    that changed anything, seconds as text.
+    else belongs into the metrics, texts by key, ``missing`` what a waiting controller lacks.
+    ``report_stamp`` is the stamp of the last report that changed anything, seconds as text.
     """
 
     def __init__(
         self, node: Node, supervisor: Supervisor, prefix: str, deferred: Deferred,
-        health: Health, further: Callable[[], dict[str, str]],
+        health: Health, further: Callable[[], dict[str, str]], missing: Callable[[], str],
     ) -> None:
         self.report_stamp = ''
         self._node = node
         self._supervisor = supervisor
         self._health = health
-        self._deferred, self._further = deferred, further
+        self._deferred, self._further, self._missing = deferred, further, missing
         self._metrics = MetricsPublisher(node, supervisor.mechanism, prefix)
         self._names = status_name(node, 'status'), '/'.join(
             filter(None, (prefix, supervisor.mechanism.name))
@@ -58,10 +62,29 @@ class StatusPublisher:
         self._status = node.create_publisher(DiagnosticStatus, '~/status', latched)
         self._published: tuple[object, ...] = ()
         self._told: DiagnosticStatus | None = None
-        self._discovered = monotonic() + DISCOVERY
+        self._metrics_due = self._collection_due = monotonic()
+        self._discovered = self._metrics_due + DISCOVERY
 
-    def update(self, output: Output) -> None:
-        """Defer a publication if state or failures have changed in the ``output`` of a cycle."""
+    def present(self) -> tuple[int, str]:
+        """Return level and text of the controller's own status."""
+        output = self._supervisor.output
+        reason = output.reason
+        if output.state is State.WAITING:
+            reason = f'{self._missing()}{reason.removeprefix(WAITING)}'
+        return output.level, f'{output.state.value}: {reason}'
+
+    def update(self, output: Output, now: float) -> None:
+        """Defer what the ``output`` of a cycle ``now`` (monotonic seconds) has to be followed by.
+
+        That is a change of state or failures, and what is done periodically: right after a
+        command, when most of the period is still ahead.
+        """
+        if now >= self._metrics_due:
+            self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
+            self._deferred.add(self.publish_metrics)
+        if now >= self._collection_due:
+            self._collection_due = now + COLLECTION_PERIOD
+            self._deferred.add(gc.collect)
         if (output.state, output.failures) == self._published:
             return
         if output.state is not State.WAITING or monotonic() >= self._discovered:

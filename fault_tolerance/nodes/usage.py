@@ -25,7 +25,7 @@ parameters:
 def exit_code(
     node: str, purpose: str, table: Sequence[Parameter], args: list[str] | None
 ) -> int | None:
-    """Answer a request for help and refuse what no node understands; None: go on.
+    """Return the exit code of a request for help, or of what no node understands; None: go on.
 
     For a ``node`` with its ``purpose``, a docstring, and the ``table`` of its parameters; ``args``
     are its command line, by default that of the process.

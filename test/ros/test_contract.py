@@ -49,6 +49,12 @@ PUBLISHED = {
     'fault_tolerance/achieved_velocity': (
         'fault_tolerance', 'geometry_msgs/msg/TwistStamped', RELIABLE
     ),
+    'fault_tolerance/platform_pose': (
+        'fault_tolerance', 'geometry_msgs/msg/PoseStamped', RELIABLE
+    ),
+    'fault_tolerance/markers': (
+        'fault_tolerance', 'visualization_msgs/msg/MarkerArray', RELIABLE
+    ),
     'joint_states': ('fsm', 'sensor_msgs/msg/JointState', SENSOR),
     'fsm/mirror_pose': ('fsm', 'geometry_msgs/msg/PoseStamped', SENSOR),
     'fsm/mirror_velocity': ('fsm', 'geometry_msgs/msg/TwistStamped', SENSOR),
