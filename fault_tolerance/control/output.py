@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from fault_tolerance.control.estimate import Estimate
 from fault_tolerance.control.failure_ledger import LedgerClear
+from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.resolved_rate import RateCommand
 from fault_tolerance.control.state_machine import MOVING, Decision, State
@@ -36,7 +37,7 @@ class Output:
     """Why nothing is asked for; empty if something is."""
     input_lost: bool
     """Whether joint states that were there, or are waited for, are missing."""
-    recovery_time: float
+    reconfiguration_time: float
     """Seconds from the last failure report that changed anything to the end of the step that
     followed it; 0 before there was one, or without a clock."""
     silent: BoolArray
@@ -67,6 +68,18 @@ class Output:
     def state(self) -> State:
         """The state of the controller."""
         return self.decision.state
+
+    @property
+    def level(self) -> int:
+        """The diagnostic level: OK nominal, WARN degraded and hold, ERROR stopped, STALE no input.
+
+        A warning makes it WARN at least.
+        """
+        if self.state is State.STOPPED:
+            return ERROR
+        if self.input_lost:
+            return STALE
+        return OK if self.state is State.NOMINAL and not self.warnings else WARN
 
     @property
     def reason(self) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from fault_tolerance.control.notices import Notice
-from fault_tolerance.control.output import Output
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.tolerances import OVERSHOOT
@@ -28,24 +27,18 @@ class Plausibility:
         self.out_of_range: tuple[str, ...] = ()
         """Actuators whose readings lie beyond their strokes."""
         self.notices: tuple[Notice, ...] = ()
-        """That, and that nothing moves, as warnings."""
+        """The same as warnings, for as long as it lasts."""
 
-    def observe(self, output: Output) -> tuple[Notice, ...]:
-        """Return what is strange about the ``output`` of a step."""
-        values = output.estimate.readings
-        if values is not self._values:
-            self._values = values
-            outside = _named(self._names, (values < self._lowest) | (values > self._highest))
-            if outside != self.out_of_range:
-                self.out_of_range = outside
-                text = f'{", ".join(outside)}: beyond the stroke in the mechanism file'
-                beyond = Notice('out_of_range', text, rejected=False)
-                self._beyond = (beyond,) if outside else ()
-        still = output.standstill
-        self.notices = self._beyond
-        if still:
-            self.notices = (*self._beyond, Notice('standstill', still, rejected=False))
-        return self.notices
+    def observe(self, values: FloatArray) -> tuple[Notice, ...]:
+        """Take the joint ``values`` (N,), NaN in lost struts; return a notice if any is news."""
+        outside = _named(self._names, (values < self._lowest) | (values > self._highest))
+        if outside == self.out_of_range:
+            return ()
+        text = f'{", ".join(outside)}: beyond the stroke in the mechanism file'
+        self.notices = (Notice('out_of_range', text, rejected=False),) if outside else ()
+        news = self.notices if set(outside) - set(self.out_of_range) else ()
+        self.out_of_range = outside
+        return news
 
 
 def _named(names: tuple[str, ...], chosen: BoolArray) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ time: estimate, resolve, ease, limit, decide.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
+from math import inf, nan
 
 import numpy as np
 
@@ -24,10 +24,10 @@ from fault_tolerance.control.joint_states import LARGEST_VALUE, unusable
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
-from fault_tolerance.control.plausibility import Plausibility
 from fault_tolerance.control.resolved_rate import no_command, rate_command, resting
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, Reason, StateMachine
+from fault_tolerance.control.watch import Watch
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.kernel.compilation import Kernel, announced_kernel
 from fault_tolerance.kinematics.failures import FailureSet
@@ -37,7 +37,8 @@ from fault_tolerance.mechanism.description import Mechanism
 MOST_ERRORS = 3
 """Internal errors in a row after which the controller stops."""
 
-_WAITING = 'no joint state yet'
+WAITING = 'no joint state yet'
+"""Why the state is waiting."""
 
 
 class Supervisor:
@@ -82,7 +83,7 @@ class Supervisor:
         self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
         self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
-        self._plausibility = Plausibility(mechanism)
+        self._watch = Watch(mechanism, self.settings)
         self._continuity = Continuity(mechanism, self.settings.joint_state_timeout)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
@@ -92,7 +93,7 @@ class Supervisor:
         self._errors = 0
         self._now = -inf
         self._reported_at: float | None = None
-        self._recovery_time = 0.0
+        self._reconfiguration_time = 0.0
         self.output = self.step(-inf)
 
     @property
@@ -256,7 +257,7 @@ class Supervisor:
             if found.located and not (stop or hold or self._machine.stop):
                 command = rate_command(self._model, found, asked, before, now)
                 hold = command.obstacle
-            waiting = '' if found.located else _WAITING
+            waiting = '' if found.located else WAITING
             decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
@@ -270,29 +271,26 @@ class Supervisor:
             command = command.with_rates_beside(self._beside[0])
         self._command = command
         if self._reported_at is not None and settings.clock is not None:
-            self._recovery_time = settings.clock() - self._reported_at
+            self._reconfiguration_time = settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, asked, idle,
-            stale or readings.value is None, self._recovery_time, self._continuity.sensorless,
-            self._plausibility.notices,
+            stale or readings.value is None, self._reconfiguration_time,
+            self._continuity.sensorless, self._watch.notices,
         )
         return self.output
 
-    def watch(self) -> tuple[Notice, ...]:
-        """Compare the last readings with the strokes, and what moves with what is asked for.
+    def watch(self, internal_force: float = nan) -> tuple[Notice, ...]:
+        """Return what is new to warn of after the last step, see `Watch`.
 
         To be called after the command is on its way; what it finds is in the next output.
-
-        Returns
-        -------
-        tuple of Notice
+        ``internal_force`` is in N; NaN: not known.
         """
-        return self._plausibility.observe(self.output)
+        return self._watch.observe(self._now, self.output, internal_force)
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
-        return metrics_of(self.output, self._plausibility)
+        return metrics_of(self.output, self._watch, self._now - self._ledger.heard)
 
     def _pass_time(self, now: float) -> None:
         if now < self._now:

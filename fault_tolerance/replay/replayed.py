@@ -22,7 +22,7 @@ from fault_tolerance.analysis.recorded_inputs import (
     Told,
 )
 from fault_tolerance.closed_loop import detected
-from fault_tolerance.control.failure_reports import ERROR, Report, report_of
+from fault_tolerance.control.failure_reports import ERROR, Report, part_names, report_of
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.detector import CYCLES, Detector
@@ -275,7 +275,7 @@ def _probing_next(turns: Sequence[Turn]) -> list[bool | None]:
 
 def _reports(found: RecordedModes, namespace: str, mechanism: Mechanism) -> list[Report]:
     """Return the failure reports on ``mechanism`` in a message, without those of detection."""
-    names = frozenset((*mechanism.actuator_names, *mechanism.strut_names))
+    names = part_names(mechanism)
     stamp = 1e-9 * found.stamp if found.stamp else None
     made = (
         report_of(*mode, stamp, prefix=namespace.strip('/'), names=names)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.failure_reports import Report, report_of
+from fault_tolerance.control.failure_reports import Report, part_names, report_of
 from fault_tolerance.control.joint_states import LARGEST_VALUE, joint_readings
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
@@ -43,7 +43,7 @@ def is_one_line(error):
 
 reports = st.builds(
     lambda name, hardware, prefix, level, mode, stamp: report_of(
-        name, prefix + hardware, level, mode, stamp, prefix='', names=NAMES),
+        name, prefix + hardware, level, mode, stamp, prefix='', names=part_names(FSM)),
     texts, names, st.sampled_from(['', 'other/', '/']), st.integers(0, 255),
     st.none() | modes, stamps,
 )
