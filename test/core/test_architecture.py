@@ -27,6 +27,7 @@ LAYERS = {
     'detection': 4,
     'simulation': 4,
     'closed_loop': 5,
+    'design': 5,
     'replay': 6,
     '__init__': 6,
     'campaign': 7,
