@@ -10,7 +10,9 @@ from math import inf, isfinite
 from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
+from fault_tolerance.design.grids import Axis, axis_from_text
 from fault_tolerance.detection.responses import Sensors
+from fault_tolerance.errors import FaultToleranceError
 
 
 def add_state(parser: argparse.ArgumentParser) -> None:
@@ -123,6 +125,35 @@ def add_isolability(parser: argparse.ArgumentParser) -> None:
     add_forms(parser)
 
 
+def add_map(parser: argparse.ArgumentParser) -> None:
+    """Add the mechanism, what a map is over, and how it is made, to a ``parser``."""
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    parser.add_argument(
+        '--over', action='append', required=True, type=axis, metavar='NAME=LOW:HIGH:COUNT',
+        help='a task coordinate (m or rad from home), one to three of them',
+    )
+    add_failed(parser)
+    parser.add_argument(
+        '--certified', action='store_true', help='prove it of whole cells, not of poses only'
+    )
+    add_work(parser, 'map_output')
+
+
+def add_work(parser: argparse.ArgumentParser, folder: str) -> None:
+    """Add what does long work, and where its results go (by default ``folder``).
+
+    To a ``parser``.
+    """
+    parser.add_argument(
+        '--workers', type=positive, default=1, metavar='N',
+        help='processes (default: 1); the results are the same',
+    )
+    parser.add_argument(
+        '--output', type=Path, default=Path(folder), metavar='FOLDER', help='for the results'
+    )
+    parser.add_argument('--json', action='store_true', help='as JSON, for programs')
+
+
 def add_watch(parser: argparse.ArgumentParser) -> None:
     """Add what the live view needs to a ``parser``."""
     parser.add_argument('--namespace', default='', help='of the controller')
@@ -172,6 +203,17 @@ def value(text: str) -> tuple[str, float]:
     if not found or not name or not isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not NAME=VALUE')
     return name, value
+
+
+def axis(text: str) -> Axis:
+    """Return the axis that ``text``, ``NAME=LOW:HIGH:COUNT``, describes.
+
+    ArgumentTypeError if it does not.
+    """
+    try:
+        return axis_from_text(text)
+    except FaultToleranceError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def seconds(text: str) -> float:

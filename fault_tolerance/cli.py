@@ -19,6 +19,7 @@ from fault_tolerance.arguments import (
     add_first_motion,
     add_forms,
     add_isolability,
+    add_map,
     add_recording,
     add_state,
     add_study,
@@ -29,10 +30,13 @@ from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
+from fault_tolerance.design.grids import Grid
+from fault_tolerance.design.maps import tolerance_map
+from fault_tolerance.design.workers import executor_of
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
-from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
@@ -117,6 +121,7 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
+    add_map(command(_map, 'what may fail, all over a grid of poses'))
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
@@ -159,6 +164,16 @@ def _table(chosen: argparse.Namespace) -> None:
 
 def _check(chosen: argparse.Namespace) -> None:
     commands.check(_state(chosen), chosen.form, chosen.draw)
+
+
+def _map(chosen: argparse.Namespace) -> None:
+    path = mechanism_path(chosen.mechanism)
+    with executor_of(chosen.workers) as executor:
+        found = tolerance_map(
+            mechanism_named(path), Grid(tuple(chosen.over)), chosen.failed,
+            certified=chosen.certified, executor=executor,
+        )
+    commands.tolerance_map(found, path, chosen.output, 'json' if chosen.json else 'text')
 
 
 def _isolability(chosen: argparse.Namespace) -> None:

@@ -34,6 +34,8 @@ from fault_tolerance.analysis.tables import (
     paper_table,
 )
 from fault_tolerance.analysis.terminal import console_for_text
+from fault_tolerance.design.map_files import map_report, map_table, write_map
+from fault_tolerance.design.maps import ToleranceMap
 from fault_tolerance.detection.isolability import Isolability, isolability_report
 from fault_tolerance.detection.isolability import isolability as isolability_of
 from fault_tolerance.detection.responses import Sensors
@@ -98,6 +100,18 @@ def isolability(
         (number, one) for number, group in enumerate(report['classes']) for one in group
     )]
     _print(form, report, records, class_table({**report, 'would_help': helps}))
+
+
+def tolerance_map(found: ToleranceMap, file: Path, folder: Path, form: Form) -> None:
+    """Print what the map ``found`` of the mechanism ``file`` says, in ``form``.
+
+    The map goes to ``folder``. FaultToleranceError if it cannot be written.
+    """
+    report = map_report(found, file)
+    paths = write_map(found, report, folder)
+    _print(form, report, (), map_table(report))
+    if form == 'text':
+        print('\n'.join(map(str, paths)))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:

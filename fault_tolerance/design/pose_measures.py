@@ -98,8 +98,7 @@ def pose_measures(
             reason = f'{name!r} is not a task coordinate; valid: {valid}'
             raise MechanismError(mechanism.name, 'pose', reason)
     legs = legs_of(mechanism)
-    # The definition chooses coordinates outside the task: then a pose is not given by those in it.
-    if legs is None or len(mechanism.task.coordinates) < len(COORDINATES):
+    if legs is None or not by_pose(mechanism):
         return joined([
             _defined(mechanism, dict(zip(names, map(float, row), strict=True)), failures)
             for row in values
@@ -110,6 +109,14 @@ def pose_measures(
     return joined([
         _measured(batch, moves[start : start + BATCH]) for start in range(0, len(moves), BATCH)
     ])
+
+
+def by_pose(mechanism: Mechanism) -> bool:
+    """Return whether many poses of ``mechanism`` are measured together.
+
+    Coordinates outside the task are chosen by the definition: then those in it are no pose.
+    """
+    return legs_of(mechanism) is not None and len(mechanism.task.coordinates) == len(COORDINATES)
 
 
 def measured(post: PostFailure) -> PoseMeasures:
