@@ -139,6 +139,26 @@ def add_map(parser: argparse.ArgumentParser) -> None:
     add_work(parser, 'map_output')
 
 
+def add_route(parser: argparse.ArgumentParser) -> None:
+    """Add the mechanism, the ends of a route, and the map it is over, to a ``parser``."""
+    parser.add_argument('mechanism', help='a shipped mechanism or a file')
+    for option, name in (('--from', 'start'), ('--to', 'goal')):
+        parser.add_argument(
+            option, dest=name, action='extend', nargs='+', required=True, type=value,
+            metavar='NAME=VALUE', help='task coordinates (m or rad from home), others are 0',
+        )
+    parser.add_argument(
+        '--over', action='append', default=[], type=axis, metavar='NAME=LOW:HIGH:COUNT',
+        help='the map; without: around both ends',
+    )
+    add_failed(parser)
+    parser.add_argument(
+        '--fail-safe', action='store_true',
+        help='the goal stays within reach whichever drive sticks on the way',
+    )
+    add_work(parser, 'route_output')
+
+
 def add_work(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add what does long work, and where its results go (by default ``folder``).
 

@@ -21,6 +21,7 @@ from fault_tolerance.arguments import (
     add_isolability,
     add_map,
     add_recording,
+    add_route,
     add_state,
     add_study,
     add_trials,
@@ -30,8 +31,8 @@ from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
-from fault_tolerance.design.grids import Grid
-from fault_tolerance.design.maps import tolerance_map
+from fault_tolerance.design.grids import Grid, grid_around
+from fault_tolerance.design.maps import ToleranceMap, tolerance_map
 from fault_tolerance.design.workers import executor_of
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
@@ -122,6 +123,7 @@ def _parser() -> argparse.ArgumentParser:
     add_forms(one)
 
     add_map(command(_map, 'what may fail, all over a grid of poses'))
+    add_route(command(_route, 'the way on which the next failure costs least'))
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
@@ -168,12 +170,25 @@ def _check(chosen: argparse.Namespace) -> None:
 
 def _map(chosen: argparse.Namespace) -> None:
     path = mechanism_path(chosen.mechanism)
-    with executor_of(chosen.workers) as executor:
-        found = tolerance_map(
-            mechanism_named(path), Grid(tuple(chosen.over)), chosen.failed,
-            certified=chosen.certified, executor=executor,
-        )
+    found = _over(chosen, Grid(tuple(chosen.over)), certified=chosen.certified)
     commands.tolerance_map(found, path, chosen.output, 'json' if chosen.json else 'text')
+
+
+def _route(chosen: argparse.Namespace) -> None:
+    path, ends = mechanism_path(chosen.mechanism), (dict(chosen.start), dict(chosen.goal))
+    grid = Grid(tuple(chosen.over)) if chosen.over else grid_around(*ends)
+    form: commands.Form = 'json' if chosen.json else 'text'
+    commands.route(_over(chosen, grid), path, ends, chosen.output, form, safe=chosen.fail_safe)
+
+
+def _over(
+    chosen: argparse.Namespace, grid: Grid, *, certified: bool = False
+) -> ToleranceMap:
+    mechanism = mechanism_named(chosen.mechanism)
+    with executor_of(chosen.workers) as executor:
+        return tolerance_map(
+            mechanism, grid, chosen.failed, certified=certified, executor=executor
+        )
 
 
 def _isolability(chosen: argparse.Namespace) -> None:

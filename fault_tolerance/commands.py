@@ -36,6 +36,8 @@ from fault_tolerance.analysis.tables import (
 from fault_tolerance.analysis.terminal import console_for_text
 from fault_tolerance.design.map_files import map_report, map_table, write_map
 from fault_tolerance.design.maps import ToleranceMap
+from fault_tolerance.design.route_files import route_report, route_table, write_route
+from fault_tolerance.design.routes import fail_safe, widest_route
 from fault_tolerance.detection.isolability import Isolability, isolability_report
 from fault_tolerance.detection.isolability import isolability as isolability_of
 from fault_tolerance.detection.responses import Sensors
@@ -112,6 +114,25 @@ def tolerance_map(found: ToleranceMap, file: Path, folder: Path, form: Form) -> 
     _print(form, report, (), map_table(report))
     if form == 'text':
         print('\n'.join(map(str, paths)))
+
+
+def route(
+    found: ToleranceMap, file: Path, ends: tuple[Mapping[str, float], Mapping[str, float]],
+    folder: Path, form: Form, *, safe: bool,
+) -> None:
+    """Print the widest route over the map ``found`` of the mechanism ``file``, in ``form``.
+
+    Between the ``ends``; with ``safe`` fail-safe. It goes to ``folder``. FaultToleranceError if an
+    end is not on the map, or it cannot be written.
+    """
+    start, goal = ends
+    allowed = fail_safe(found, goal) if safe else None
+    way = widest_route(found, start, goal, allowed)
+    report = route_report(found, file, ends, way, safe=safe)
+    paths = [] if way is None else write_route(way, report, folder)
+    _print(form, report, (), route_table(report))
+    if form == 'text':
+        print(''.join(f'{path}\n' for path in paths), end='')
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:

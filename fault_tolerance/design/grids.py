@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, pi
@@ -139,6 +139,24 @@ class Grid:
             reason = 'a rotation vector is at most pi long, also in the corners of the map'
             raise MechanismError(mechanism.name, 'over', reason)
         return self
+
+
+def grid_around(start: Mapping[str, float], goal: Mapping[str, float]) -> Grid:
+    """Return a grid around the poses ``start`` and ``goal``, half their distance larger all round.
+
+    Over the coordinates that either names. FaultToleranceError if they are the same.
+    """
+    names = list(dict.fromkeys([*start, *goal]))
+    ends = {name: sorted((start.get(name, 0.0), goal.get(name, 0.0))) for name in names}
+    count = {1: 201, 2: 41}.get(len(names), 21)
+    axes = []
+    for name, (low, high) in ends.items():
+        kind = [one for one in names if one[:1] == name[:1]]
+        room = max(ends[one][1] - ends[one][0] for one in kind) / 2.0
+        if not room > 0.0:
+            raise FaultToleranceError(f'{name} is the same at both ends: give --over')
+        axes.append(Axis(name, low - room, high + room, count))
+    return Grid(tuple(axes))
 
 
 def _product(places: Sequence[FloatArray]) -> FloatArray:

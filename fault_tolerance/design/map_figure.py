@@ -30,7 +30,7 @@ RESOLUTION = 150
 
 _PANEL = (4.0, 3.5)
 _MOST_SLICES = 6
-_COLOURS, _POOR = 'cividis', 'cividis_r'
+COLOURS, _POOR = 'cividis', 'cividis_r'
 _LEAST_CONTRAST = 0.02
 _OUT = '0.88'
 _EDGE: dict[str, Any] = {'colors': VERMILION, 'linewidths': 1.6}
@@ -113,8 +113,8 @@ def _charts(figure: Figure, found: ToleranceMap) -> None:
     for one, (title, values) in zip(axes, charts, strict=True):
         poor = title.startswith('condition')
         shown = np.where(found.reachable, values, np.nan)
-        image = _chart(one, found.grid.axes, shown, _levels([shown]), _POOR if poor else _COLOURS)
-        _outlines(one, found.grid.axes, found.tolerable & found.reachable, None if (
+        image = chart(one, found.grid.axes, shown, levels_of([shown]), _POOR if poor else COLOURS)
+        outline(one, found.grid.axes, found.tolerable & found.reachable, None if (
             found.proof is None) else found.proof.share == 1.0)
         one.set_title(title, fontsize=10)
         figure.colorbar(image, ax=one, format='%.3g')
@@ -137,11 +137,11 @@ def _slices(figure: Figure, found: ToleranceMap) -> None:
     chosen = np.unique(np.linspace(0, axis.count - 1, min(axis.count, _MOST_SLICES)).astype(int))
     worst = np.moveaxis(found.worst, through, 0)
     good = np.moveaxis(found.tolerable & found.reachable, through, 0)
-    levels, factor, unit = _levels(list(worst[chosen])), *scaled(axis)
+    levels, factor, unit = levels_of(list(worst[chosen])), *scaled(axis)
     panels = _panels(figure, len(chosen), others)
     for panel, index in zip(panels, chosen, strict=True):
-        image = _chart(panel, others, worst[index], levels, _COLOURS)
-        _outlines(panel, others, good[index], None)
+        image = chart(panel, others, worst[index], levels, COLOURS)
+        outline(panel, others, good[index], None)
         panel.set_title(f'{axis.name} {factor * axis.places[index]:.4g} {unit}', fontsize=10)
     bar = figure.colorbar(image, ax=panels, format='%.3g')
     bar.set_label('smallest of p, t, h of the next failure')
@@ -165,7 +165,7 @@ def _panels(figure: Figure, count: int, axes: Sequence[Axis]) -> list[Axes]:
     return panels[:count]
 
 
-def _levels(shown: Sequence[FloatArray]) -> FloatArray:
+def levels_of(shown: Sequence[FloatArray]) -> FloatArray:
     """Return the levels of contours, from the smallest to the largest of what is shown."""
     values = np.concatenate([one[np.isfinite(one)] for one in shown])
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
@@ -175,7 +175,7 @@ def _levels(shown: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(MaxNLocator(8).tick_values(low - room, high + room))
 
 
-def _chart(
+def chart(
     axes: Axes, pair: Sequence[Axis], values: FloatArray, levels: FloatArray, colours: str
 ) -> QuadMesh:
     """Draw ``values`` over a ``pair`` of coordinates, with contours at ``levels``."""
@@ -197,7 +197,7 @@ def _chart(
     return image
 
 
-def _outlines(
+def outline(
     axes: Axes, pair: Sequence[Axis], good: BoolArray, proven: BoolArray | None
 ) -> None:
     """Draw the edges of where no single failure is fatal, and of where that is proven."""
