@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite, pi
+from math import ceil, isfinite, pi
 
 import numpy as np
 
@@ -155,7 +155,12 @@ def grid_around(start: Mapping[str, float], goal: Mapping[str, float]) -> Grid:
         room = max(ends[one][1] - ends[one][0] for one in kind) / 2.0
         if not room > 0.0:
             raise FaultToleranceError(f'{name} is the same at both ends: give --over')
-        axes.append(Axis(name, low - room, high + room, count))
+        # Both ends are places of it.
+        parts = max(1, round((count - 1) * (high - low) / (high - low + 2.0 * room)))
+        step = (high - low) / parts if high > low else 2.0 * room / (count - 1)
+        more = ceil(room / step - 1e-9)
+        parts = parts if high > low else 0
+        axes.append(Axis(name, low - more * step, high + more * step, parts + 2 * more + 1))
     return Grid(tuple(axes))
 
 

@@ -178,7 +178,10 @@ def levels_of(shown: Sequence[FloatArray]) -> FloatArray:
 def chart(
     axes: Axes, pair: Sequence[Axis], values: FloatArray, levels: FloatArray, colours: str
 ) -> QuadMesh:
-    """Draw ``values`` over a ``pair`` of coordinates, with contours at ``levels``."""
+    """Draw ``values`` over a ``pair`` of coordinates on ``axes``, and return the image.
+
+    In the map of ``colours``, with contours at ``levels``.
+    """
     x, y = (scaled(axis)[0] * axis.places for axis in pair)
     axes.set_facecolor(_OUT)
     image = axes.pcolormesh(
@@ -200,7 +203,10 @@ def chart(
 def outline(
     axes: Axes, pair: Sequence[Axis], good: BoolArray, proven: BoolArray | None
 ) -> None:
-    """Draw the edges of where no single failure is fatal, and of where that is proven."""
+    """Draw on ``axes`` the edges of where no single failure is fatal (``good``).
+
+    And of where that is ``proven``, over a ``pair`` of coordinates.
+    """
     x, y = (scaled(axis)[0] * axis.places for axis in pair)
     if good.any() and not good.all():
         axes.contour(x, y, good.T.astype(float), [0.5], **_EDGE)

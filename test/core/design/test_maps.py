@@ -11,7 +11,7 @@ import pytest
 from core.design.test_pose_measures import platform
 
 from fault_tolerance.cli import main
-from fault_tolerance.design.grids import Axis, Grid
+from fault_tolerance.design.grids import Axis, Grid, grid_around
 from fault_tolerance.design.map_files import map_arrays
 from fault_tolerance.design.maps import tolerance_map
 from fault_tolerance.design.pose_measures import pose_measures
@@ -172,3 +172,12 @@ def test_wrong_input_is_one_line(arguments, words, capsys, tmp_path):
     error = capsys.readouterr().err
     assert code == 2 and error.count('\n') == 1
     assert words in error
+
+
+def test_the_ends_of_a_route_are_places_of_the_grid_around_them():
+    start, goal = {'vx': -0.12, 'vy': 0.1}, {'wz': 0.2, 'vy': 0.1}
+    for axis in grid_around(start, goal).axes:
+        for end in (start, goal):
+            assert np.abs(axis.places - end.get(axis.name, 0.0)).min() < 1e-12
+            assert axis.low < end.get(axis.name, 0.0) < axis.high
+        assert 15 < axis.count < 30
