@@ -159,6 +159,12 @@ def add_route(parser: argparse.ArgumentParser) -> None:
     add_work(parser, 'route_output')
 
 
+def add_design(parser: argparse.ArgumentParser) -> None:
+    """Add the specification of a design, and how it is made, to a ``parser``."""
+    parser.add_argument('specification', type=Path, metavar='SPEC', help='a file, docs/design.md')
+    add_work(parser, 'design_output')
+
+
 def add_work(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add what does long work, and where its results go (by default ``folder``).
 

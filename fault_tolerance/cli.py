@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from fault_tolerance import commands
 from fault_tolerance.arguments import (
+    add_design,
     add_first_motion,
     add_forms,
     add_isolability,
@@ -33,6 +34,8 @@ from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.design.grids import Grid, grid_around
 from fault_tolerance.design.maps import ToleranceMap, tolerance_map
+from fault_tolerance.design.optimum import best_design
+from fault_tolerance.design.specification import specification_from_file
 from fault_tolerance.design.workers import executor_of
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
@@ -123,9 +126,9 @@ def _parser() -> argparse.ArgumentParser:
     add_forms(one)
 
     add_map(command(_map, 'what may fail, all over a grid of poses'))
+    add_design(command(_design, 'the best mechanism of its kind: free numbers, what for'))
     add_route(command(_route, 'the way on which the next failure costs least'))
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
-
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
     one.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
     one.add_argument(
@@ -179,6 +182,12 @@ def _route(chosen: argparse.Namespace) -> None:
     grid = Grid(tuple(chosen.over)) if chosen.over else grid_around(*ends)
     form: commands.Form = 'json' if chosen.json else 'text'
     commands.route(_over(chosen, grid), path, ends, chosen.output, form, safe=chosen.fail_safe)
+
+
+def _design(chosen: argparse.Namespace) -> None:
+    with executor_of(chosen.workers) as executor:
+        found = best_design(specification_from_file(chosen.specification), executor)
+    commands.design(found, chosen.output, 'json' if chosen.json else 'text')
 
 
 def _over(

@@ -34,8 +34,10 @@ from fault_tolerance.analysis.tables import (
     paper_table,
 )
 from fault_tolerance.analysis.terminal import console_for_text
+from fault_tolerance.design.design_files import design_report, design_table, write_design
 from fault_tolerance.design.map_files import map_report, map_table, write_map
 from fault_tolerance.design.maps import ToleranceMap
+from fault_tolerance.design.optimum import Design
 from fault_tolerance.design.route_files import route_report, route_table, write_route
 from fault_tolerance.design.routes import fail_safe, widest_route
 from fault_tolerance.detection.isolability import Isolability, isolability_report
@@ -133,6 +135,18 @@ def route(
     _print(form, report, (), route_table(report))
     if form == 'text':
         print(''.join(f'{path}\n' for path in paths), end='')
+
+
+def design(found: Design, folder: Path, form: Form) -> None:
+    """Print the design ``found`` in ``form``; it goes to ``folder``.
+
+    FaultToleranceError if it cannot be written.
+    """
+    report = design_report(found)
+    paths = write_design(found, report, folder)
+    _print(form, report, (), design_table(report))
+    if form == 'text':
+        print('\n'.join(map(str, paths)))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
