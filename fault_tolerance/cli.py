@@ -32,15 +32,10 @@ from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
-from fault_tolerance.design.grids import Grid, grid_around
-from fault_tolerance.design.maps import ToleranceMap, tolerance_map
-from fault_tolerance.design.optimum import best_design
-from fault_tolerance.design.specification import specification_from_file
-from fault_tolerance.design.workers import executor_of
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
-from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
+from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
@@ -172,32 +167,28 @@ def _check(chosen: argparse.Namespace) -> None:
 
 
 def _map(chosen: argparse.Namespace) -> None:
-    path = mechanism_path(chosen.mechanism)
-    found = _over(chosen, Grid(tuple(chosen.over)), certified=chosen.certified)
-    commands.tolerance_map(found, path, chosen.output, 'json' if chosen.json else 'text')
+    # What they need, scipy's optimisation too, takes longer to import than all the rest.
+    from fault_tolerance.design_commands import map_poses
+    map_poses(
+        chosen.mechanism, chosen.over, chosen.failed, _work(chosen), certified=chosen.certified
+    )
 
 
 def _route(chosen: argparse.Namespace) -> None:
-    path, ends = mechanism_path(chosen.mechanism), (dict(chosen.start), dict(chosen.goal))
-    grid = Grid(tuple(chosen.over)) if chosen.over else grid_around(*ends)
-    form: commands.Form = 'json' if chosen.json else 'text'
-    commands.route(_over(chosen, grid), path, ends, chosen.output, form, safe=chosen.fail_safe)
+    from fault_tolerance.design_commands import route
+    ends = dict(chosen.start), dict(chosen.goal)
+    route(
+        chosen.mechanism, ends, chosen.over, chosen.failed, _work(chosen), safe=chosen.fail_safe
+    )
 
 
 def _design(chosen: argparse.Namespace) -> None:
-    with executor_of(chosen.workers) as executor:
-        found = best_design(specification_from_file(chosen.specification), executor)
-    commands.design(found, chosen.output, 'json' if chosen.json else 'text')
+    from fault_tolerance.design_commands import design
+    design(chosen.specification, _work(chosen))
 
 
-def _over(
-    chosen: argparse.Namespace, grid: Grid, *, certified: bool = False
-) -> ToleranceMap:
-    mechanism = mechanism_named(chosen.mechanism)
-    with executor_of(chosen.workers) as executor:
-        return tolerance_map(
-            mechanism, grid, chosen.failed, certified=certified, executor=executor
-        )
+def _work(chosen: argparse.Namespace) -> tuple[int, Path, commands.Form]:
+    return chosen.workers, chosen.output, 'json' if chosen.json else 'text'
 
 
 def _isolability(chosen: argparse.Namespace) -> None:

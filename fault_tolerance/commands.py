@@ -34,12 +34,6 @@ from fault_tolerance.analysis.tables import (
     paper_table,
 )
 from fault_tolerance.analysis.terminal import console_for_text
-from fault_tolerance.design.design_files import design_report, design_table, write_design
-from fault_tolerance.design.map_files import map_report, map_table, write_map
-from fault_tolerance.design.maps import ToleranceMap
-from fault_tolerance.design.optimum import Design
-from fault_tolerance.design.route_files import route_report, route_table, write_route
-from fault_tolerance.design.routes import fail_safe, widest_route
 from fault_tolerance.detection.isolability import Isolability, isolability_report
 from fault_tolerance.detection.isolability import isolability as isolability_of
 from fault_tolerance.detection.responses import Sensors
@@ -59,13 +53,13 @@ def measures(post: PostFailure, form: Form, *, pairs: bool) -> None:
     ``pairs`` adds every pair of further failures.
     """
     report = measures_report(post, pairs=pairs)
-    _print(form, report, measures_records(report), measures_table(report))
+    show(form, report, measures_records(report), measures_table(report))
 
 
 def table(names: Sequence[str], form: Form) -> None:
     """Print the paper's Table I for mechanisms or files ``names``, in ``form``."""
     reports = [measures_report(after(mechanism_named(name))) for name in names]
-    _print(form, paper_rows(reports), paper_records(reports), paper_table(reports))
+    show(form, paper_rows(reports), paper_records(reports), paper_table(reports))
 
 
 def check(post: PostFailure, form: Form, picture: Path | None) -> None:
@@ -73,7 +67,7 @@ def check(post: PostFailure, form: Form, picture: Path | None) -> None:
     report = check_report(post.configuration, post)
     if picture is not None:
         draw(post, picture)
-    _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))
+    show(form, report, [('key', 'value'), *flattened(report)], check_table(report))
 
 
 def isolability(
@@ -103,50 +97,7 @@ def isolability(
     records = [('class', 'hypothesis'), *(
         (number, one) for number, group in enumerate(report['classes']) for one in group
     )]
-    _print(form, report, records, class_table({**report, 'would_help': helps}))
-
-
-def tolerance_map(found: ToleranceMap, file: Path, folder: Path, form: Form) -> None:
-    """Print what the map ``found`` of the mechanism ``file`` says, in ``form``.
-
-    The map goes to ``folder``. FaultToleranceError if it cannot be written.
-    """
-    report = map_report(found, file)
-    paths = write_map(found, report, folder)
-    _print(form, report, (), map_table(report))
-    if form == 'text':
-        print('\n'.join(map(str, paths)))
-
-
-def route(
-    found: ToleranceMap, file: Path, ends: tuple[Mapping[str, float], Mapping[str, float]],
-    folder: Path, form: Form, *, safe: bool,
-) -> None:
-    """Print the widest route over the map ``found`` of the mechanism ``file``, in ``form``.
-
-    Between the ``ends``; with ``safe`` fail-safe. It goes to ``folder``. FaultToleranceError if an
-    end is not on the map, or it cannot be written.
-    """
-    start, goal = ends
-    allowed = fail_safe(found, goal) if safe else None
-    way = widest_route(found, start, goal, allowed)
-    report = route_report(found, file, ends, way, safe=safe)
-    paths = [] if way is None else write_route(way, report, folder)
-    _print(form, report, (), route_table(report))
-    if form == 'text':
-        print(''.join(f'{path}\n' for path in paths), end='')
-
-
-def design(found: Design, folder: Path, form: Form) -> None:
-    """Print the design ``found`` in ``form``; it goes to ``folder``.
-
-    FaultToleranceError if it cannot be written.
-    """
-    report = design_report(found)
-    paths = write_design(found, report, folder)
-    _print(form, report, (), design_table(report))
-    if form == 'text':
-        print('\n'.join(map(str, paths)))
+    show(form, report, records, class_table({**report, 'would_help': helps}))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
@@ -197,7 +148,7 @@ def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
         reason = f'reports need rosbags and matplotlib: {error.name} is not installed'
         raise FaultToleranceError(reason) from None
     run = run_of(recordings_of(read_messages(bag)), namespace)
-    _print('text', None, (), summary_table(summary(run)))
+    show('text', None, (), summary_table(summary(run)))
     if folder is None:
         folder = bag if bag.is_dir() else bag.parent
     for path in write_report(run, folder):
@@ -226,7 +177,7 @@ def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -
     result = replayed(inputs, mechanism, options.detect, options.delay)
     report = detection_report(inputs, mechanism, options, result)
     records = [FINDING_KEYS, *finding_records(report)]
-    _print(form, report, records, finding_table(report))
+    show(form, report, records, finding_table(report))
     try:
         from fault_tolerance.analysis.odds_figure import write_odds_figure
     except ImportError:
@@ -237,7 +188,7 @@ def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -
         print(picture)
 
 
-def _print(
+def show(
     form: Form, content: object, records: Iterable[Sequence[Any]], shown: RenderableType
 ) -> None:
     """Print in ``form``: ``content`` as JSON, ``records`` as CSV or ``shown`` as text."""

@@ -32,6 +32,7 @@ LAYERS = {
     '__init__': 6,
     'campaign': 7,
     'commands': 7,
+    'design_commands': 8,
     'nodes': 7,
     'arguments': 8,
     'cli': 9,
