@@ -17,7 +17,7 @@ from fault_tolerance.design.design_files import design_report, design_table, wri
 from fault_tolerance.design.grids import Axis, Grid, grid_around
 from fault_tolerance.design.map_files import map_report, map_table, write_map
 from fault_tolerance.design.maps import ToleranceMap, tolerance_map
-from fault_tolerance.design.optimum import best_design
+from fault_tolerance.design.optimum import best_design, trade_off
 from fault_tolerance.design.route_files import route_report, route_table, write_route
 from fault_tolerance.design.routes import fail_safe, widest_route
 from fault_tolerance.design.specification import specification_from_file
@@ -68,8 +68,10 @@ def design(specification: Path, work: Work) -> None:
     """Find the best design that the file ``specification`` allows, doing the ``work`` so."""
     workers, folder, form = work
     with executor_of(workers) as executor:
-        found = best_design(specification_from_file(specification), executor)
-    report = design_report(found)
+        asked = specification_from_file(specification)
+        found = best_design(asked, executor)
+        between = trade_off(found, executor) if asked.tradeoff else ()
+    report = design_report(found, between)
     paths = write_design(found, report, folder)
     show(form, report, (), design_table(report))
     _list(paths, form)

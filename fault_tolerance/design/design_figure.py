@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,7 @@ def write_figures(design: Design, report: Mapping[str, Any], folder: Path) -> li
     Returns their paths.
     """
     now = states(design.specification, design.values)
-    figure = measures_figure(design, now)
+    figure = measures_figure(design, now, report['tradeoff'])
     figures = [figure]
     if now[0].mechanism.struts:
         figures.append(mechanism_figure(now[0].configuration, now[0].failures))
@@ -57,17 +57,37 @@ def write_figures(design: Design, report: Mapping[str, Any], folder: Path) -> li
     return [png, page]
 
 
-def measures_figure(design: Design, now: list[PostFailure]) -> Figure:
-    """Return the figure of all measures of ``design``, ``now`` and before, from worst to best."""
+def measures_figure(
+    design: Design, now: list[PostFailure], between: Sequence[Sequence[float]] = ()
+) -> Figure:
+    """Return the figure of all measures of ``design``, ``now`` and before, from worst to best.
+
+    And, where there are designs ``between`` two objectives, of the worst of both in each.
+    """
     specification = design.specification
     before = states(specification, specification.start)
-    figure = Figure(figsize=(4.6 * len(specification.objectives) + 0.8, 3.6), layout='constrained')
+    count = len(specification.objectives) + bool(between)
+    figure = Figure(figsize=(4.6 * count + 0.8, 3.6), layout='constrained')
     FigureCanvasAgg(figure)
-    charts = figure.subplots(1, len(specification.objectives), squeeze=False)[0]
-    for axes, one in zip(charts, specification.objectives, strict=True):
+    charts = figure.subplots(1, count, squeeze=False)[0]
+    for axes, one in zip(charts, specification.objectives, strict=False):
         _measures(axes, one, before, now)
+    if between:
+        _trade_off(charts[-1], design, between)
     figure.suptitle(specification.name, fontsize=12, fontweight='bold', x=0.01, ha='left')
     return figure
+
+
+def _trade_off(axes: Axes, design: Design, between: Sequence[Sequence[float]]) -> None:
+    """Draw the worst of both objectives in all designs that none beats in both."""
+    axes.plot(*zip(*between, strict=True), 'o-', color=BLUE, linewidth=1.2, label='unbeaten')
+    axes.plot(*design.start, 's', color=ORANGE, markersize=8, label='before')
+    axes.plot(*design.worst, 'D', color='black', markersize=7, label='now')
+    first, second = design.specification.objectives
+    axes.set_xlabel(f'worst {first}')
+    axes.set_ylabel(f'worst {second}')
+    axes.grid(True, linewidth=0.4, color='0.85')
+    axes.legend(frameon=False, fontsize=9)
 
 
 def _measures(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,11 @@ from fault_tolerance.design.optimum import Design, states
 from fault_tolerance.errors import FaultToleranceError
 
 
-def design_report(design: Design) -> dict[str, Any]:
-    """Return what ``design`` is, for JSON."""
+def design_report(design: Design, between: Sequence[tuple[float, ...]] = ()) -> dict[str, Any]:
+    """Return what ``design`` is, for JSON.
+
+    With the worst of both objectives in designs ``between`` them.
+    """
     specification = design.specification
     post = states(specification, design.values)[0]
     objectives = []
@@ -49,6 +52,7 @@ def design_report(design: Design) -> dict[str, Any]:
             {'path': list(one.paths), 'range': [one.low, one.high], 'value': float(value)}
             for one, value in zip(specification.free, design.values, strict=True)
         ],
+        'tradeoff': [list(one) for one in between],
         'seed': specification.seed,
     }
 

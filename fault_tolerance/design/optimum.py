@@ -26,10 +26,12 @@ from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.tolerances import EQUAL_MEASURES
 
 _STEPS = 300
 _ENOUGH = 1e-10
 _PENALTY = 10.0
+_EQUAL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +104,45 @@ def best_design(
     return Design(specification, best, *map(tuple, worst))
 
 
+def trade_off(design: Design, executor: Executor | None = None) -> list[tuple[float, ...]]:
+    """Return the worst of both objectives in the designs that none beats in both (Pareto).
+
+    As many weights as the specification of ``design`` asks for, from 4 to 1 to 1 to 4, each
+    polished from the design; sorted. The work is spread over ``executor``.
+    """
+    tilts = np.geomspace(0.25, 4.0, design.specification.tradeoff)
+    found = [design.worst, *mapped(partial(_tilted, design), tilts, executor)]
+    unbeaten = [
+        one for one in found
+        if not any(
+            min(np.subtract(other, one)) >= -_EQUAL and max(np.subtract(other, one)) > _EQUAL
+            for other in found
+        )
+    ]
+    places = {tuple(np.round(one, EQUAL_MEASURES - 2)): one for one in unbeaten}
+    return sorted(places.values())
+
+
+def _tilted(design: Design, tilt: float) -> tuple[float, ...]:
+    """Return the worst of each objective where the first one counts ``tilt`` times less."""
+    specification = design.specification
+    judge = _Judge(specification, tilt)
+    low, high = np.array([(one.low, one.high) for one in specification.free]).T
+    values = _polished(judge, low, high, design.values)
+    better = min((values, design.values), key=judge.cost)
+    return tuple(judge.worst(better))
+
+
 class _Judge:
     """Judges designs: a vector of measures to be large, and one of margins to be positive."""
 
-    def __init__(self, specification: Specification) -> None:
+    def __init__(self, specification: Specification, tilt: float = 1.0) -> None:
         self.specification = specification
         posts = states(specification, specification.start)
         self._scales = [
             one.scale or one.bound(posts[0]) or 1.0 for one in specification.objectives
         ]
+        self._scales[0] *= tilt
         self._sizes = [one.count(posts[0]) * len(posts) for one in specification.objectives]
         self._margins = len(_margins(specification, posts))
 

@@ -74,6 +74,8 @@ class Specification:
     polish: int
     """How many of the last generation are polished."""
     seed: int
+    tradeoff: int
+    """How many designs between two objectives are wanted; 0: none."""
 
     def __repr__(self) -> str:
         return f'Specification({self.name!r}, {len(self.free)} free numbers)'
@@ -141,8 +143,10 @@ def specification_from_file(path: Path) -> Specification:
         _grid(top) if top.has('over') else None,
         limits.number('distance', 0.0), limits.flag('strokes'),
         _count(top, 'population', 40), _count(top, 'generations', 100), _count(top, 'polish', 4),
-        _count(top, 'seed', 1),
+        _count(top, 'seed', 1), _count(top, 'tradeoff', 0) if top.has('tradeoff') else 0,
     )
+    if specification.tradeoff and len(objectives) != 2:
+        raise top.error('tradeoff', f'is between two objectives, not {len(objectives)}')
     limits.close()
     top.close()
     if specification.grid is not None:

@@ -14,7 +14,7 @@ import yaml
 from benchmark.optima import POSITION, TORQUE, position_design, torque_design
 from fault_tolerance.cli import main
 from fault_tolerance.design.objectives import Objective
-from fault_tolerance.design.optimum import best_design, strut_distances
+from fault_tolerance.design.optimum import best_design, strut_distances, trade_off
 from fault_tolerance.design.specification import specification_from_file
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kinematics.actuator_measures import torque_measure
@@ -161,6 +161,19 @@ def test_the_result_is_the_same_whoever_does_the_work(tmp_path):
     np.testing.assert_array_equal(best_design(asked).values, shared.values)
 
 
+def test_none_of_the_designs_of_a_trade_off_beats_another(tmp_path):
+    example = yaml.safe_load((EXAMPLES / 'platform.yaml').read_text())
+    quick = {'free': example['free'][:5], 'population': 5, 'generations': 1, 'polish': 1}
+    found = best_design(specification(tmp_path, **example | quick | {'tradeoff': 3}))
+    points = np.array(trade_off(found))
+    assert len(points) > 1
+    # From left to right the second falls.
+    assert (np.diff(points[:, 0]) > 0).all() and (np.diff(points[:, 1]) < 0).all()
+    assert (points > 0.0).all() and points[:, 1].max() <= 6**-0.5 + 1e-6
+    assert (np.abs(points - found.worst).max(axis=1) < 1e-6).any() or (
+        (points > np.array(found.worst) - 1e-6).all(axis=1).any())
+
+
 def test_the_example_is_a_specification():
     found = specification_from_file(EXAMPLES / 'platform.yaml')
     assert len(found.free) == 16
@@ -188,6 +201,7 @@ def test_no_design_is_said(tmp_path):
     ({'symmetry': [{'from': 'a', 'to': 'strut_1', 'turn': 9}]}, "'a' is not a strut"),
     ({'constraints': {'weight': 3}}, 'weight: is not a known key here'),
     ({'colour': 'red'}, 'colour: is not a known key here'),
+    ({'tradeoff': 3, 'objectives': [{'measure': 'hard'}]}, 'is between two objectives, not 1'),
     ({'population': 2.5}, 'population: is 2.5, expected a whole number from 1 on'),
 ])
 def test_mistakes_are_named(changes, words, tmp_path, capsys):
