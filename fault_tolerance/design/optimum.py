@@ -10,10 +10,11 @@ constraints, by sequential quadratic programming from the best designs of a diff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -78,17 +79,21 @@ def best_design(
     # The design to begin with is among the first.
     drawn[0] = np.clip((specification.start - low) / (high - low), 0.0, 1.0)
 
+    tried: list[tuple[float, FloatArray]] = []
+
     def spread(
         function: Callable[[FloatArray], float], items: Iterable[FloatArray]
-    ) -> Iterator[float]:
-        return mapped(function, items, executor)
+    ) -> list[float]:
+        designs = [np.array(one) for one in items]
+        costs = list(mapped(function, designs, executor))
+        tried.extend(zip(costs, designs, strict=True))
+        return costs
 
-    found = differential_evolution(
+    differential_evolution(
         judge.cost, Bounds(low, high), init=low + drawn * (high - low), polish=False, seed=rng,
         maxiter=specification.generations, updating='deferred', workers=spread, tol=1e-6,
     )
-    order = np.argsort(found.population_energies, kind='stable')[: specification.polish]
-    starts = [found.population[place] for place in order]
+    starts = [one for _, one in sorted(tried, key=itemgetter(0))[: specification.polish]]
     polished = list(mapped(partial(_polished, judge, low, high), starts, executor))
     candidates = [*polished, *starts]
     costs = [judge.cost(one) for one in candidates]

@@ -97,7 +97,12 @@ class _Graph:
         """Return the graph of the ``chosen`` pairs (e,) with ``weights`` (e,) above 0."""
         first, second = self.pairs[chosen].T
         size = (self.worst.size,) * 2
-        return csr_array((weights[chosen], (first, second)), shape=size)
+        result = csr_array((weights[chosen], (first, second)), shape=size)
+        # What csgraph of older scipy takes.
+        result.indices, result.indptr = (
+            one.astype(np.int32) for one in (result.indices, result.indptr)
+        )
+        return result
 
     def widest(self, start: int, goal: int) -> float:
         """Return the largest width of any way from ``start`` to ``goal``; 0 if there is none."""

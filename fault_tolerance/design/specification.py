@@ -72,7 +72,7 @@ class Specification:
     population: int
     generations: int
     polish: int
-    """How many of the last generation are polished."""
+    """How many of the best designs tried are polished."""
     seed: int
     tradeoff: int
     """How many designs between two objectives are wanted; 0: none."""
