@@ -117,6 +117,6 @@ colcon: venv  ## Build with colcon in a scratch folder and run what it installs
 
 clean:  ## Remove everything that can be made again
 	rm -rf .venv .venv-pins build dist install log *.egg-info
-	rm -rf demo_output campaign_output bench_output detection_output
+	rm -rf demo_output campaign_output bench_output detection_output map_output route_output design_output
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -29,6 +29,9 @@ from benchmark.names import (
     MEASURES,
     PAIRS,
     PINOCCHIO,
+    POSES,
+    POSES_CLOSED,
+    POSES_DEFINED,
     RELEASE,
     RESTED_ECHO,
     STEP,
@@ -226,6 +229,11 @@ TARGETS = (
     Target('growth of the whole step, N = 4 -> 8', 1.4, 1.2, _growth, _step_text),
     Target(
         'measures of all pairs, N = 1000', 0.1, 0.015, _pairs, _plain(PAIRS), unit='s',
+    ),
+    Target(
+        'poses of a map in the time of one by the public functions, N = 8', 50.0, 300.0,
+        lambda rows: ratio(rows, POSES_DEFINED, POSES),
+        _plain(POSES, POSES_DEFINED, POSES_CLOSED), at_least=True,
     ),
     Target(
         'first start, no cache: process start -> first command', 3.0, 1.5,

@@ -52,25 +52,35 @@ if TYPE_CHECKING:
     from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
     from fault_tolerance.control.settings import Settings
     from fault_tolerance.control.supervisor import Supervisor
+    from fault_tolerance.design.grids import Axis, Grid
+    from fault_tolerance.design.maps import tolerance_map
+    from fault_tolerance.design.optimum import best_design
+    from fault_tolerance.design.pose_measures import pose_measures
+    from fault_tolerance.design.routes import widest_route
+    from fault_tolerance.design.specification import specification_from_file
     from fault_tolerance.detection.isolability import Isolability, isolability
     from fault_tolerance.detection.monitor_settings import MonitorSettings
     from fault_tolerance.detection.responses import Sensors
 
 __all__ = [
-    'ArrayError', 'ClosedLoop', 'ClosureError', 'Configuration', 'EngineError', 'Failure',
-    'FailureError', 'FailureMode', 'FailureSet', 'FaultToleranceError', 'Isolability',
-    'LoopSettings', 'Mechanism', 'MechanismError', 'MonitorSettings', 'PostFailure',
-    'ResolvedRate', 'Sensors', 'Settings', 'Supervisor', 'Verdict', 'after', 'best_conversion',
-    'evenly_spaced_mirror', 'failure_set', 'fitted_configuration', 'home_configuration',
-    'isolability', 'mechanism_from_file', 'mechanism_from_text', 'mechanism_named',
-    'mechanism_path', 'next_failure', 'pair_measures', 'posed_configuration',
-    'position_measure_by_theorem_2', 'present_measures', 'reconfigured', 'resolved_rate',
-    'shipped_names', 'solved_configuration', 'strut_rows', 'torque_measure_by_theorem_4',
+    'ArrayError', 'Axis', 'ClosedLoop', 'ClosureError', 'Configuration', 'EngineError',
+    'Failure', 'FailureError', 'FailureMode', 'FailureSet', 'FaultToleranceError', 'Grid',
+    'Isolability', 'LoopSettings', 'Mechanism', 'MechanismError', 'MonitorSettings',
+    'PostFailure', 'ResolvedRate', 'Sensors', 'Settings', 'Supervisor', 'Verdict', 'after',
+    'best_conversion', 'best_design', 'evenly_spaced_mirror', 'failure_set',
+    'fitted_configuration', 'home_configuration', 'isolability', 'mechanism_from_file',
+    'mechanism_from_text', 'mechanism_named', 'mechanism_path', 'next_failure',
+    'pair_measures', 'pose_measures', 'posed_configuration', 'position_measure_by_theorem_2',
+    'present_measures', 'reconfigured', 'resolved_rate', 'shipped_names',
+    'solved_configuration', 'specification_from_file', 'strut_rows', 'tolerance_map',
+    'torque_measure_by_theorem_4', 'widest_route',
 ]
 
 # Control and simulation take as long to import as all the rest: only where they are used.
 _LAZY = {
+    'Axis': 'design.grids',
     'ClosedLoop': 'closed_loop',
+    'Grid': 'design.grids',
     'Isolability': 'detection.isolability',
     'LoopSettings': 'closed_loop',
     'MonitorSettings': 'detection.monitor_settings',
@@ -78,8 +88,13 @@ _LAZY = {
     'Sensors': 'detection.responses',
     'Settings': 'control.settings',
     'Supervisor': 'control.supervisor',
+    'best_design': 'design.optimum',
     'isolability': 'detection.isolability',
+    'pose_measures': 'design.pose_measures',
     'resolved_rate': 'control.resolved_rate',
+    'specification_from_file': 'design.specification',
+    'tolerance_map': 'design.maps',
+    'widest_route': 'design.routes',
 }
 
 

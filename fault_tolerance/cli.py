@@ -30,6 +30,7 @@ from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
+from fault_tolerance.design_cli import add_design_commands
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
@@ -118,8 +119,8 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
+    add_design_commands(command)
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
-
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
     one.add_argument('--output', default='demo_output', metavar='FOLDER', help='for the results')
     one.add_argument(

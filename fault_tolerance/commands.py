@@ -53,13 +53,13 @@ def measures(post: PostFailure, form: Form, *, pairs: bool) -> None:
     ``pairs`` adds every pair of further failures.
     """
     report = measures_report(post, pairs=pairs)
-    _print(form, report, measures_records(report), measures_table(report))
+    show(form, report, measures_records(report), measures_table(report))
 
 
 def table(names: Sequence[str], form: Form) -> None:
     """Print the paper's Table I for mechanisms or files ``names``, in ``form``."""
     reports = [measures_report(after(mechanism_named(name))) for name in names]
-    _print(form, paper_rows(reports), paper_records(reports), paper_table(reports))
+    show(form, paper_rows(reports), paper_records(reports), paper_table(reports))
 
 
 def check(post: PostFailure, form: Form, picture: Path | None) -> None:
@@ -67,7 +67,7 @@ def check(post: PostFailure, form: Form, picture: Path | None) -> None:
     report = check_report(post.configuration, post)
     if picture is not None:
         draw(post, picture)
-    _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))
+    show(form, report, [('key', 'value'), *flattened(report)], check_table(report))
 
 
 def isolability(
@@ -97,7 +97,7 @@ def isolability(
     records = [('class', 'hypothesis'), *(
         (number, one) for number, group in enumerate(report['classes']) for one in group
     )]
-    _print(form, report, records, class_table({**report, 'would_help': helps}))
+    show(form, report, records, class_table({**report, 'would_help': helps}))
 
 
 def flattened(content: Any, path: str = '') -> list[tuple[str, Any]]:
@@ -148,7 +148,7 @@ def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
         reason = f'reports need rosbags and matplotlib: {error.name} is not installed'
         raise FaultToleranceError(reason) from None
     run = run_of(recordings_of(read_messages(bag)), namespace)
-    _print('text', None, (), summary_table(summary(run)))
+    show('text', None, (), summary_table(summary(run)))
     if folder is None:
         folder = bag if bag.is_dir() else bag.parent
     for path in write_report(run, folder):
@@ -177,7 +177,7 @@ def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -
     result = replayed(inputs, mechanism, options.detect, options.delay)
     report = detection_report(inputs, mechanism, options, result)
     records = [FINDING_KEYS, *finding_records(report)]
-    _print(form, report, records, finding_table(report))
+    show(form, report, records, finding_table(report))
     try:
         from fault_tolerance.analysis.odds_figure import write_odds_figure
     except ImportError:
@@ -188,7 +188,7 @@ def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -
         print(picture)
 
 
-def _print(
+def show(
     form: Form, content: object, records: Iterable[Sequence[Any]], shown: RenderableType
 ) -> None:
     """Print in ``form``: ``content`` as JSON, ``records`` as CSV or ``shown`` as text."""

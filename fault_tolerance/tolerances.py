@@ -135,3 +135,10 @@ ones are the drive resting at its stop."""
 
 NOT_SEPARATED = 1e-9
 """Metres per metre commanded by which two hypotheses differ that no sensor tells apart."""
+
+SURE = 1e-5
+"""Measures at many poses at a time, times the squared sine of the angle between a coordinate's
+column and those before it, that are not larger are taken from the definition.
+
+They come from products of rows: the error is rounding over this number, below 1e-9.
+"""

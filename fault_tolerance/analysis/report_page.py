@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from io import StringIO
 from pathlib import Path
@@ -67,17 +67,41 @@ def figure_as_svg(figure: Figure) -> str:
 def report_page(run: Run, drawing: str) -> str:
     """Return the page (HTML) of ``run`` with ``drawing`` (SVG); it refers to nothing outside."""
     result = summary(run)
-    name = escape(run.mechanism_name or 'a run')
-    # Declarations and metadata have no place inside a page.
-    inline = re.sub(r'<metadata>.*?</metadata>', '', drawing[drawing.index('<svg'):], flags=re.S)
+    title = f'{run.mechanism_name or "a run"}: failures and recovery'
+    parts = _noticed(result), inline_figure(drawing), _table(result), _explanations(result)
+    return html_page(title, verdict(result), *parts)
+
+
+def html_page(title: str, sentence: str, *parts: str) -> str:
+    """Return a page (HTML) with a ``title``, what is to be known in a ``sentence``, and ``parts``.
+
+    The ``parts`` are HTML; title and sentence are text.
+    """
+    title = escape(title)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{name}: failures and recovery</title>\n<style>{_STYLE}</style>\n</head>\n'
-        f'<body>\n<h1>{name}: failures and recovery</h1>\n'
-        f'<p class="verdict">{escape(verdict(result))}</p>\n{_noticed(result)}'
-        f'<figure>{inline}</figure>\n{_table(result)}\n{_explanations(result)}\n</body>\n</html>\n'
+        f'<title>{title}</title>\n<style>{_STYLE}</style>\n</head>\n'
+        f'<body>\n<h1>{title}</h1>\n'
+        f'<p class="verdict">{escape(sentence)}</p>\n' + '\n'.join(filter(None, parts))
+        + '\n</body>\n</html>\n'
     )
+
+
+def inline_figure(drawing: str) -> str:
+    """Return the ``drawing`` (SVG) as part of a page."""
+    # Declarations and metadata have no place inside a page.
+    inline = re.sub(r'<metadata>.*?</metadata>', '', drawing[drawing.index('<svg'):], flags=re.S)
+    return f'<figure>{inline}</figure>'
+
+
+def html_table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table (HTML) with a ``caption`` over ``heads`` and ``rows``, all of them text."""
+    head = ''.join(f'<th>{escape(one)}</th>' for one in heads)
+    body = '\n'.join(
+        '<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>' for row in rows
+    )
+    return f'<table>\n<caption>{escape(caption)}</caption>\n<tr>{head}</tr>\n{body}\n</table>'
 
 
 def verdict(result: Mapping[str, Any]) -> str:
@@ -102,7 +126,7 @@ def _noticed(result: Mapping[str, Any]) -> str:
         return ''
     words = 'Where a failure is unreported the controller has only the encoders to go by: it '
     words += 'compares how far the drives were told to go with how far they went. '
-    return f'<p>{escape(words + " ".join(sentences))}</p>\n'
+    return f'<p>{escape(words + " ".join(sentences))}</p>'
 
 
 def _table(result: Mapping[str, Any]) -> str:
@@ -119,14 +143,8 @@ def _table(result: Mapping[str, Any]) -> str:
         ]
         for index, phase in enumerate(result['phases'], 1)
     ]
-    head = ''.join(f'<th>{escape(one)}</th>' for one in heads)
-    body = '\n'.join(
-        '<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>' for row in rows
-    )
-    return (
-        '<table>\n<caption>p, t, h: measure of the worst position, torque or hard failure that '
-        f'could come next.</caption>\n<tr>{head}</tr>\n{body}\n</table>'
-    )
+    caption = 'p, t, h: measure of the worst position, torque or hard failure that could come '
+    return html_table(f'{caption}next.', heads, rows)
 
 
 def _explanations(result: Mapping[str, Any]) -> str:

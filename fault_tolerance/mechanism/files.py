@@ -58,7 +58,18 @@ def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
     MechanismError
         If it cannot be understood: one line with source, key and reason.
     """
-    top = parsed(text, source)
+    return _mechanism(parsed(text, source))
+
+
+def mechanism_from_document(document: object, source: str = 'mechanism') -> Mechanism:
+    """Return the mechanism that ``document``, what YAML makes of a file, describes.
+
+    MechanismError, which calls it ``source``, if it cannot be understood.
+    """
+    return _mechanism(Section(source, '', document))
+
+
+def _mechanism(top: Section) -> Mechanism:
     name = top.text('mechanism')
     task = _task(top)
     origin = _ZERO

@@ -187,6 +187,7 @@ POINTING = (
     ),
     _live('phase', pi / 2.0, 'lissajous: lead of x', 'rad', (-2.0 * pi, 2.0 * pi)),
     _live('lines', 8, 'raster: lines from bottom to top', '', (1, 10_000)),
+    _live('route', '', 'route: file with columns t, wx, wy, as the command route writes it'),
     _live(
         'start', 0.0, 'time on the reference at start-up; a step is at time 0',
         's', (-3600.0, 3600.0),

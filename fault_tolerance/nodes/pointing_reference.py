@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import csv
 import sys
 from typing import Any
 
@@ -113,7 +114,24 @@ def _reference(values: dict[str, Any]) -> Reference:
     if kind == 'lissajous':
         pair = (frequency, frequency * values['frequency_ratio'])
         return reference(kind, amplitude=both, frequency=pair, phase=values['phase'])
+    if kind == 'route':
+        return _route(values['route'])
     return reference(kind, amplitude=both)
+
+
+def _route(path: str) -> Reference:
+    """Return the reference in the table (.csv) that the command ``route`` has written."""
+    if not path:
+        raise ParameterError('route', 'no file is given')
+    try:
+        with open(path, newline='', encoding='utf-8') as file:
+            rows = list(csv.DictReader(file))
+        times, *angles = ([float(row[name]) for row in rows] for name in ('t', 'wx', 'wy'))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterError('route', f'{path}: cannot be read ({error})') from None
+    except (KeyError, TypeError, ValueError):
+        raise ParameterError('route', f'{path}: is no table with numbers t, wx, wy') from None
+    return reference('route', times=times, angles=list(zip(*angles, strict=True)))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the mirror is to point: step, circle, raster and Lissajous figures.
+"""Where the mirror is to point: step, circle, raster, Lissajous figures and routes.
 
 A reference is a rotation vector of the platform, of which the two components about the base x
 and y axes are given (radians); the third is zero. Each kind has its angle and the exact time
@@ -10,8 +10,10 @@ derivative of it, which a pointing loop feeds forward. Frequencies are in hertz.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from math import cos, isfinite, pi, sin
 from typing import Protocol
 
@@ -157,18 +159,62 @@ class Lissajous:
         )
 
 
-_KINDS: dict[str, type[Step] | type[Circle] | type[Raster] | type[Lissajous]] = {
+@dataclass(frozen=True)
+class Route:
+    """Straight lines from angle to angle, at rest before the first and after the last.
+
+    Attributes
+    ----------
+    times : tuple of float
+        When each is reached, seconds, rising.
+    angles : tuple of tuple of float
+        About x and y, radians.
+    """
+
+    times: tuple[float, ...] = (0.0,)
+    angles: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        times = tuple(_finite('times', one) for one in self.times)
+        angles = tuple(_pair('angles', one) for one in self.angles)
+        if not times or len(times) != len(angles):
+            raise ArrayError('times', f'{len(times)} times for {len(angles)} angles')
+        if any(then <= now for now, then in pairwise(times)):
+            raise ArrayError('times', 'do not rise')
+        object.__setattr__(self, 'times', times)
+        object.__setattr__(self, 'angles', angles)
+
+    def angle(self, t: float) -> FloatArray:
+        """Return the angle (2,) at ``t``, radians."""
+        return np.array([np.interp(t, self.times, one) for one in zip(*self.angles, strict=True)])
+
+    def rate(self, t: float) -> FloatArray:
+        """Return the rate (2,) at ``t``, rad/s; between two lines that of the next."""
+        place = bisect_right(self.times, t)
+        if not 0 < place < len(self.times):
+            return np.zeros(2)
+        lasts = self.times[place] - self.times[place - 1]
+        return np.subtract(self.angles[place], self.angles[place - 1]) / lasts
+
+
+_KINDS: dict[
+    str, type[Step] | type[Circle] | type[Raster] | type[Lissajous] | type[Route]
+] = {
     'step': Step,
     'circle': Circle,
     'raster': Raster,
     'lissajous': Lissajous,
+    'route': Route,
 }
 
 REFERENCE_KINDS = tuple(_KINDS)
 """The words `reference` understands."""
 
 
-def reference(kind: str, **parameters: float | Sequence[float]) -> Reference:
+def reference(
+    kind: str, **parameters: float | Sequence[float] | Sequence[Sequence[float]]
+) -> Reference:
     """Return the reference of the ``kind`` named, with ``parameters`` for its attributes.
 
     Raises `ArrayError` if the kind or a parameter is unknown, or a value is unusable.

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from fault_tolerance.design.specification import specification_from_file
 from fault_tolerance.mechanism.files import mechanism_from_text
 
 ROOT = Path(__file__).parents[2]
@@ -168,8 +169,15 @@ def test_commands_print_what_is_shown(path, tmp_path):
 @pytest.mark.parametrize('path', DOCUMENTS, **by_name)
 def test_mechanisms_in_the_text_can_be_used(path):
     for text in blocks(path, 'yaml'):
-        if re.search(r'^mechanism:', text, re.MULTILINE):
+        if re.search(r'^mechanism:', text, re.MULTILINE) and not text.startswith('design:'):
             assert mechanism_from_text(text).actuators
+
+
+def test_the_specification_in_the_text_can_be_used(tmp_path):
+    text, = blocks(ROOT / 'docs' / 'design.md', 'yaml')
+    (tmp_path / 'design.yaml').write_text(text, encoding='utf-8')
+    found = specification_from_file(tmp_path / 'design.yaml')
+    assert found.mechanism(found.start).actuators
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, **by_name)

@@ -12,6 +12,8 @@ from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3Stamped
 from node_rig import Probe, values_of
 from rclpy.qos import qos_profile_sensor_data
 
+from fault_tolerance.cli import main
+
 HOME = 0.05
 
 
@@ -76,6 +78,20 @@ def test_it_draws_the_mirror_back_to_its_height_at_home(start, probe):
     assert (twist.linear.x, twist.linear.y, twist.angular.z) == (0.0, 0.0, 0.0)
 
 
+def test_it_follows_a_route_of_the_command_line(start, probe, tmp_path):
+    ends = ['--from', 'wx=0.01', '--to', 'wx=-0.01', '--over', 'wx=-0.01:0.01:3']
+    assert main(['route', 'mirror_4_strut', *ends, '--json', '--output', str(tmp_path)]) == 0
+    pointing = Pointing(
+        probe, start, kind='route', route=str(tmp_path / 'route.csv'), gain=2.0, lead=0.0,
+    )
+    angular = pointing.answer(pointing.pose()).twist.angular
+    # Straight down, at half of what the drives can: 25 mm/s at a radius of 20 mm.
+    assert angular.x == pytest.approx(2.0 * 0.01 - 1.25, rel=1e-3)
+    assert angular.y == pytest.approx(0.0, abs=1e-9)
+    angular = pointing.answer(pointing.pose(seconds=1.0)).twist.angular
+    assert angular.x == pytest.approx(2.0 * -0.01, rel=1e-3)
+
+
 def test_figures_and_gains_may_be_changed_with_an_answer(start, probe):
     pointing = Pointing(probe, start, feedforward=False)
     pointing.answer(pointing.pose())
@@ -99,6 +115,7 @@ def shared(ros, start_for_module):
     ('name', 'value', 'reason'),
     [
         ('kind', 'spiral', 'is not one of step, circle'),
+        ('kind', 'route', 'parameter route: no file is given'),
         ('gain', nan, 'gain'),
         ('gain', -1.0, 'gain'),
         ('amplitude', 'wide', 'type'),

@@ -47,6 +47,17 @@ def test_the_rate_of_a_lissajous_figure_is_the_derivative_of_its_angle(a, b, f, 
     assert (np.abs(figure.angle(t)) <= np.abs([a, b])).all()
 
 
+def test_a_route_goes_straight_from_place_to_place_and_rests_at_its_ends():
+    route = reference('route', times=(0.0, 2.0, 3.0), angles=((0, 1), (4, 1), (4, -1)))
+    for t, angle, rate in (
+        (-1.0, (0, 1), (0, 0)), (0.0, (0, 1), (2, 0)), (1.0, (2, 1), (2, 0)),
+        (2.0, (4, 1), (0, -2)), (2.5, (4, 0), (0, -2)), (3.0, (4, -1), (0, 0)),
+        (9.0, (4, -1), (0, 0)),
+    ):
+        np.testing.assert_allclose(route.angle(t), angle)
+        np.testing.assert_allclose(route.rate(t), rate)
+
+
 @settings(deadline=None)
 @given(angles, angles, frequencies, st.integers(1, 20), times)
 def test_the_rate_of_a_raster_is_the_derivative_between_its_turns(a, b, frequency, lines, t):
@@ -99,7 +110,7 @@ def test_parameters_reach_the_figure_as_lists_or_tuples():
 @pytest.mark.parametrize(
     ('kind', 'parameters', 'message'),
     [
-        ('spiral', {}, "'spiral' is not one of step circle raster lissajous"),
+        ('spiral', {}, "'spiral' is not one of step circle raster lissajous route"),
         ('circle', {'radius': 1.0}, 'radius: is no parameter of circle'),
         ('circle', {'amplitude': math.nan}, 'amplitude: nan is not a finite number'),
         ('circle', {'frequency': '1'}, "frequency: '1' is not a finite number"),
@@ -109,6 +120,9 @@ def test_parameters_reach_the_figure_as_lists_or_tuples():
         ('raster', {'lines': 0}, 'lines: 0 is not a positive whole number'),
         ('raster', {'lines': 2.5}, 'lines: 2.5 is not a positive whole number'),
         ('lissajous', {'frequency': (1.0, math.inf)}, 'frequency: inf is not a finite number'),
+        ('route', {'times': (0.0, 0.0), 'angles': ((0, 0), (0, 1))}, 'times: do not rise'),
+        ('route', {'times': (0.0,), 'angles': ()}, 'times: 1 times for 0 angles'),
+        ('route', {'times': (math.nan,), 'angles': ((0, 0),)}, 'times: nan is not a finite'),
         ('lissajous', {'phase': True}, 'phase: True is not a finite number'),
     ],
 )

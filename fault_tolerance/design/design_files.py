@@ -1,0 +1,112 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A design as files: the mechanism, a report, a picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from rich.console import RenderableType
+
+from fault_tolerance.analysis.terminal import number, plain_table
+from fault_tolerance.design.map_files import provenance
+from fault_tolerance.design.optimum import Design, states
+from fault_tolerance.errors import FaultToleranceError
+
+
+def design_report(design: Design, between: Sequence[tuple[float, ...]] = ()) -> dict[str, Any]:
+    """Return what ``design`` is, for JSON.
+
+    With the worst of both objectives in designs ``between`` them.
+    """
+    specification = design.specification
+    post = states(specification, design.values)[0]
+    objectives = []
+    for one, before, worst in zip(
+        specification.objectives, design.start, design.worst, strict=True
+    ):
+        bound, packing = one.bound(post), one.packing(post)
+        objectives.append({
+            'measure': one.measure,
+            'failures': one.failures,
+            'start': before,
+            'worst': worst,
+            'bound': bound,
+            'over_bound': worst / bound if bound else None,
+            'packing': packing,
+            'over_packing': worst / packing if packing else None,
+        })
+    return {
+        'design': specification.name,
+        'mechanism': post.mechanism.name,
+        **provenance(specification.file),
+        'actuators': len(post.mechanism.actuators),
+        'mobility': post.present.mobility,
+        'objectives': objectives,
+        'free': [
+            {'path': list(one.paths), 'range': [one.low, one.high], 'value': float(value)}
+            for one, value in zip(specification.free, design.values, strict=True)
+        ],
+        'tradeoff': [list(one) for one in between],
+        'seed': specification.seed,
+    }
+
+
+def write_design(design: Design, report: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write mechanism.yaml and design.json to ``folder``, with matplotlib design.png and .html.
+
+    Returns their paths. ``report`` is that of ``design``. FaultToleranceError if they cannot be
+    written.
+    """
+    document = design.specification.documented(design.values)
+    text = f'# Made by `design` ({report["design"]}) from {report["file"]}: {_words(report)}\n'
+    text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=99)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        written = [folder / 'mechanism.yaml', folder / 'design.json']
+        written[0].write_text(text, encoding='utf-8')
+        words = json.dumps(report, indent=2, allow_nan=False) + '\n'
+        written[1].write_text(words, encoding='utf-8')
+        try:
+            # matplotlib is optional, and needed here only.
+            from fault_tolerance.design.design_figure import write_figures
+        except ImportError:
+            return written
+        return [*written, *write_figures(design, report, folder)]
+    except OSError as error:
+        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
+
+
+def design_rows(report: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return the objectives of ``report`` in words, one each."""
+    return [
+        (
+            f'{one["measure"].replace("_", " ")}'
+            + ('' if one['measure'].startswith('smallest') else f', {one["failures"]} failed'),
+            *(number(one[key], '.5f' if 'over' not in key else '.4f') for key in (
+                'start', 'worst', 'bound', 'over_bound', 'packing', 'over_packing')),
+        )
+        for one in report['objectives']
+    ]
+
+
+HEADS = ('worst', 'before', 'now', 'bound', 'share', 'packing', 'share')
+"""What a design attains, and its share of what it can at most, and as a packing of lines."""
+
+
+def design_table(report: Mapping[str, Any]) -> RenderableType:
+    """Return ``report`` as a table to be printed with rich."""
+    title = f'{report["design"]}: {report["actuators"]} drives, mobility {report["mobility"]}'
+    table = plain_table(HEADS[0], numbers=HEADS[1:], title=title)
+    for row in design_rows(report):
+        table.add_row(*row)
+    return table
+
+
+def _words(report: Mapping[str, Any]) -> str:
+    return '; '.join(f'worst {row[0]}: {row[2]}' for row in design_rows(report)) + '.'
