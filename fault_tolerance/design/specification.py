@@ -126,6 +126,7 @@ def specification_from_file(path: Path) -> Specification:
         reason = getattr(error, 'strerror', None) or error
         raise MechanismError(source, '', f'cannot be read ({reason})') from None
     top = parsed(text, source)
+    name = top.text('design')
     beside = path.parent / top.text('mechanism')
     file = beside if beside.is_file() else mechanism_path(top.text('mechanism'))
     mechanism_from_file(file)  # complains where it is wrong
@@ -139,7 +140,7 @@ def specification_from_file(path: Path) -> Specification:
             raise top.error(key, 'is empty')
     limits = top.section('constraints') if top.has('constraints') else Section(source, '', {})
     specification = Specification(
-        top.text('design'), file, document, free, symmetry, top.flag('aim'), objectives,
+        name, file, document, free, symmetry, top.flag('aim'), objectives,
         _grid(top) if top.has('over') else None,
         limits.number('distance', 0.0), limits.flag('strokes'),
         _count(top, 'population', 40), _count(top, 'generations', 100), _count(top, 'polish', 4),
