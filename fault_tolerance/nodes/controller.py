@@ -58,8 +58,6 @@ class Controller(Node):
         self._timeline = timeline = TimeLine(self.get_clock())
         supervisor = Supervisor(mechanism, _settings(values), startup.kernel)
         self._supervisor, self._startup = supervisor, startup
-        self._stepped = self._excused = False
-        self._ticked = timeline.now()
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
         self._commands = CommandPublisher(self, mechanism, frame, timeline)
         self._belief = BeliefPublisher(
@@ -81,6 +79,8 @@ class Controller(Node):
         OperatorServices(
             self, supervisor, timeline, self._on_operator_request, self._silent.monitor.forget
         )
+        self._stepped = self._excused = False
+        self._ticked = timeline.now()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         timeline.call_on_jump(self._on_clock_jump)
