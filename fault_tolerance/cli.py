@@ -33,7 +33,7 @@ from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
-from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
@@ -161,7 +161,8 @@ def _table(chosen: argparse.Namespace) -> None:
 
 
 def _check(chosen: argparse.Namespace) -> None:
-    commands.check(_state(chosen), chosen.form, chosen.draw)
+    post = _state(chosen)
+    commands.check(post, mechanism_path(chosen.mechanism), chosen.form, chosen.draw)
 
 
 def _isolability(chosen: argparse.Namespace) -> None:

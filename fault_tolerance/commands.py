@@ -23,6 +23,7 @@ from fault_tolerance.analysis.finding_tables import (
     finding_records,
     finding_table,
 )
+from fault_tolerance.analysis.hints import text_hints
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
 from fault_tolerance.analysis.runs import run_of
@@ -62,9 +63,13 @@ def table(names: Sequence[str], form: Form) -> None:
     _print(form, paper_rows(reports), paper_records(reports), paper_table(reports))
 
 
-def check(post: PostFailure, form: Form, picture: Path | None) -> None:
-    """Print the examination of the mechanism of ``post`` in ``form``; draw it into ``picture``."""
+def check(post: PostFailure, source: Path, form: Form, picture: Path | None) -> None:
+    """Print the examination of the mechanism of ``post`` in ``form``; draw it into ``picture``.
+
+    It comes from the file ``source``, whose text may look odd as well.
+    """
     report = check_report(post.configuration, post)
+    report['hints'] += text_hints(source.read_text(encoding='utf-8'))
     if picture is not None:
         draw(post, picture)
     _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))

@@ -21,7 +21,7 @@ class InputWatchdog:
     def __init__(self, name: str, timeout: float, *, ordered: bool) -> None:
         self._name = name
         self._key = name.replace(' ', '_')
-        self._timeout = timeout
+        self.timeout = timeout
         self._ordered = ordered
         self._stamp = -inf
         self.value: FloatArray | None = None
@@ -35,13 +35,13 @@ class InputWatchdog:
         ``stamp`` (s) is when it was measured or asked for; None and what is ahead count as now.
         """
         given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
-        if now - given > self._timeout:
+        if now - given > self.timeout:
             text = f'{self._name} is {now - given:.3f} s old on arrival; ignored'
             return Notice(f'stale_{self._key}', text)
         if self._ordered and given < self._stamp:
             text = f'{self._name} is {self._stamp - given:.3f} s older than the last; ignored'
             return Notice(f'old_{self._key}', text)
-        self.value, self._stamp, self.deadline = value, given, now + self._timeout
+        self.value, self._stamp, self.deadline = value, given, now + self.timeout
         return None
 
     def restart_clock(self) -> None:

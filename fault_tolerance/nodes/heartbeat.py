@@ -40,7 +40,6 @@ class Heartbeat:
     def __init__(self, node: Node) -> None:
         self.on_change = lambda: None
         self._name = node.resolve_topic_name(TOPIC).rpartition('/')[0]
-        self._known = False
         self._gone: tuple[int, str] | None = None
         events = SubscriptionEventCallbacks(liveliness=self._on_liveliness)
         node.create_subscription(
@@ -54,10 +53,10 @@ class Heartbeat:
     def _on_liveliness(self, event: Any) -> None:
         before = self._gone
         if event.alive_count:
-            self._known, self._gone = True, None
-        elif event.not_alive_count:
+            self._gone = None
+        elif event.not_alive_count_change > 0:
             self._gone = ERROR, f'the controller {self._name} has died'
-        elif self._known and self._gone is None:
+        elif event.alive_count_change < 0:
             self._gone = WARN, f'the controller {self._name} has ended'
         if self._gone != before:
             self.on_change()
