@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from fault_tolerance import commands
 from fault_tolerance.arguments import (
+    add_bag,
     add_first_motion,
     add_forms,
     add_isolability,
@@ -131,12 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
 
-    one = command(_report, 'figure and page of a recorded run')
-    one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
-    one.add_argument(
-        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
-    )
-    one.add_argument('--namespace', help='of the robot, if there are several in the bag')
+    add_bag(command(_report, 'figure and page of a recorded run'))
 
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
     add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
@@ -209,7 +205,8 @@ def _commission(chosen: argparse.Namespace) -> int:
 
 
 def _report(chosen: argparse.Namespace) -> None:
-    commands.report(chosen.bag, chosen.output, chosen.namespace)
+    mechanism = mechanism_named(chosen.mechanism) if chosen.mechanism else None
+    commands.report(chosen.bag, chosen.output, chosen.namespace, mechanism)
 
 
 def _detect(chosen: argparse.Namespace) -> None:

@@ -138,12 +138,15 @@ def draw(post: PostFailure, picture: Path) -> None:
         raise FaultToleranceError(f'{picture}: cannot be written ({error})') from None
 
 
-def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
+def report(
+    bag: Path, folder: Path | None, namespace: str | None, mechanism: Mechanism | None
+) -> None:
     """Print what the recording ``bag`` shows, and write the report of it to ``folder``.
 
     ``bag`` is an .mcap or .db3 file, or the folder of a bag; without a ``folder`` the report goes
-    beside it. ``namespace`` is that of the robot, if there are several in the bag.
-    FaultToleranceError without rosbags and matplotlib, or if the recording cannot be used.
+    beside it. ``namespace`` is that of the robot, if there are several in the bag, ``mechanism``
+    what was recorded; None: as the metrics say. FaultToleranceError without rosbags and
+    matplotlib, or if the recording cannot be used.
     """
     try:
         # rosbags and matplotlib are optional, and needed here only.
@@ -152,7 +155,7 @@ def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
     except ImportError as error:
         reason = f'reports need rosbags and matplotlib: {error.name} is not installed'
         raise FaultToleranceError(reason) from None
-    run = run_of(recordings_of(read_messages(bag)), namespace)
+    run = run_of(recordings_of(read_messages(bag), mechanism), namespace, mechanism)
     _print('text', None, (), summary_table(summary(run)))
     if folder is None:
         folder = bag if bag.is_dir() else bag.parent

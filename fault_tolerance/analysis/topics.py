@@ -23,6 +23,7 @@ JOINT_STATES = 'joint_states'
 COMMANDS = 'velocity_controller/commands'
 JOINT_COMMANDS = 'fault_tolerance/joint_commands'
 STATE = 'fault_tolerance/state'
+STATUS = 'fault_tolerance/status'
 METRICS = 'fault_tolerance/metrics'
 POINTING_ERROR = 'pointing/error'
 POINTING_REFERENCE = 'pointing/reference'
@@ -37,7 +38,7 @@ RECORDED = {
     COMMANDS: 'std_msgs/msg/Float64MultiArray',
     JOINT_COMMANDS: 'sensor_msgs/msg/JointState',
     STATE: 'std_msgs/msg/String',
-    'fault_tolerance/status': 'diagnostic_msgs/msg/DiagnosticStatus',
+    STATUS: 'diagnostic_msgs/msg/DiagnosticStatus',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64MultiArray' for name in ARRAYS.values()},
@@ -57,7 +58,7 @@ RECORDED = {
 """Types by name; a name that does not begin with a slash is relative to the robot's namespace."""
 
 _READ = (
-    *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, METRICS),
+    *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, STATUS, METRICS),
     *(POINTING_ERROR, POINTING_REFERENCE, PHASE),
     *(f'{METRICS}/{name}' for name in (*SCALARS, ARRAYS['position'])),
 )

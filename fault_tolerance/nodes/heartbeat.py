@@ -17,6 +17,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
+from fault_tolerance.analysis import topics
 from fault_tolerance.control.failure_reports import ERROR, WARN
 
 LEASE = 0.4
@@ -28,8 +29,6 @@ ALIVE = QoSProfile(
 )
 """The quality of ``~/status``."""
 
-TOPIC = 'fault_tolerance/status'
-
 
 class Heartbeat:
     """Notices when the controller in the namespace of ``node`` ends or dies.
@@ -39,11 +38,11 @@ class Heartbeat:
 
     def __init__(self, node: Node) -> None:
         self.on_change = lambda: None
-        self._name = node.resolve_topic_name(TOPIC).rpartition('/')[0]
+        self._name = node.resolve_topic_name(topics.STATUS).rpartition('/')[0]
         self._gone: tuple[int, str] | None = None
         events = SubscriptionEventCallbacks(liveliness=self._on_liveliness)
         node.create_subscription(
-            DiagnosticStatus, TOPIC, lambda _: None, ALIVE, event_callbacks=events
+            DiagnosticStatus, topics.STATUS, lambda _: None, ALIVE, event_callbacks=events
         )
 
     def told(self, level: int, text: str) -> tuple[int, str]:
