@@ -73,6 +73,8 @@ def check(post: PostFailure, source: Path, form: Form, picture: Path | None) -> 
     if picture is not None:
         draw(post, picture)
     _print(form, report, [('key', 'value'), *flattened(report)], check_table(report))
+    for hint in report['hints'] if form == 'text' else ():
+        print(f'hint: {hint}')  # a line each, however long
 
 
 def isolability(

@@ -27,9 +27,6 @@ def check_table(report: Mapping[str, Any]) -> RenderableType:
     parts += [Text(), _budget(report)]
     if report['conversions']:
         parts += [Text(), _conversions(report)]
-    if report['hints']:
-        parts.append(Text())
-        parts += [Text(f'hint: {one}', style='yellow') for one in report['hints']]
     return Group(*parts)
 
 

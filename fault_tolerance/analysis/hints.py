@@ -25,7 +25,7 @@ _LARGEST = 30.0
 # Degrees between a slider and its leg, and the share of a stroke that counts as its end.
 _ALIGNED, _END = 3.0, 0.01
 _SAME_PLACE = 1e-6
-_UNITS = ((1e6, 'micrometres'), (1e3, 'millimetres'), (1e2, 'centimetres'))
+_UNITS = ((1e6, 'micrometres'), (1e3, 'millimetres'))
 _SIXTIES = re.compile(r'[-+]?[1-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?')
 
 
@@ -110,14 +110,12 @@ def _sliders(mechanism: Mechanism) -> Iterator[str]:
         ):
             if slider[0].kind != 'prismatic' or 'prismatic' in (before[0].kind, behind[0].kind):
                 continue
-            way, axis = behind[0].point - before[0].point, slider[0].axis
-            for hinge in (one[0].axis for one in (before, behind) if len(one) == 1):
-                # Where on a hinge the leg begins or ends is not told.
-                way, axis = way - (way @ hinge) * hinge, axis - (axis @ hinge) * hinge
-            sizes = float(np.linalg.norm(way) * np.linalg.norm(axis))
-            if sizes < _SAME_PLACE * mechanism.characteristic_length:
+            way = behind[0].point - before[0].point
+            distance = float(np.linalg.norm(way))
+            if distance < _SAME_PLACE * mechanism.characteristic_length:
                 continue
-            angle = float(np.degrees(np.arccos(min(abs(float(axis @ way)) / sizes, 1.0))))
+            share = abs(float(slider[0].axis @ way)) / distance
+            angle = float(np.degrees(np.arccos(min(share, 1.0))))
             if angle > _ALIGNED:
                 yield (
                     f'{name} is {angle:.0f} degrees off its leg, from the joint before it to the '
