@@ -80,16 +80,15 @@ class StatusPublisher:
         That is a change of state or failures, and what is done periodically: right after a
         command, when most of the period is still ahead.
         """
+        changed = (output.state, output.failures) != self._published
+        if changed and (output.state is not State.WAITING or monotonic() >= self._discovered):
+            self._deferred.add(self._publish_change)
         if now >= self._metrics_due:
             self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
             self._deferred.add(self.publish_metrics)
         if now >= self._collection_due:
             self._collection_due = now + COLLECTION_PERIOD
             self._deferred.add(gc.collect)
-        if (output.state, output.failures) == self._published:
-            return
-        if output.state is not State.WAITING or monotonic() >= self._discovered:
-            self._deferred.add(self._publish_change)
 
     def _publish_change(self) -> None:
         output = self._supervisor.output
