@@ -43,13 +43,21 @@ def add_forms(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def add_recording(parser: argparse.ArgumentParser) -> None:
-    """Add what detection on a recording needs, and the forms of output, to a ``parser``."""
+def add_bag(parser: argparse.ArgumentParser) -> None:
+    """Add a recording, what it is of, and where results go to a ``parser``."""
     parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
     parser.add_argument(
         '--mechanism', metavar='FILE', help='or a shipped one; without: as the metrics say'
     )
     parser.add_argument('--namespace', help='of the robot, if there are several in the bag')
+    parser.add_argument(
+        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
+    )
+
+
+def add_recording(parser: argparse.ArgumentParser) -> None:
+    """Add what detection on a recording needs, and the forms of output, to a ``parser``."""
+    add_bag(parser)
     parser.add_argument(
         '--detect', choices=('advise', 'act'), default='advise',
         help='act: handle what is found as if it had been reported (default: advise)',
@@ -60,9 +68,6 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--delay', type=seconds, default=0.0, metavar='S',
         help="the controller's parameter command_delay (default: 0)",
-    )
-    parser.add_argument(
-        '--output', type=Path, metavar='FOLDER', help='for the figure; without: beside the bag'
     )
     add_forms(parser)
 

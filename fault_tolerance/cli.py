@@ -16,6 +16,7 @@ from typing import NoReturn
 
 from fault_tolerance import commands
 from fault_tolerance.arguments import (
+    add_bag,
     add_first_motion,
     add_forms,
     add_isolability,
@@ -34,7 +35,7 @@ from fault_tolerance.design_cli import add_design_commands
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
-from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
@@ -132,12 +133,7 @@ def _parser() -> argparse.ArgumentParser:
         command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
 
-    one = command(_report, 'figure and page of a recorded run')
-    one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
-    one.add_argument(
-        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
-    )
-    one.add_argument('--namespace', help='of the robot, if there are several in the bag')
+    add_bag(command(_report, 'figure and page of a recorded run'))
 
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
     add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
@@ -162,7 +158,8 @@ def _table(chosen: argparse.Namespace) -> None:
 
 
 def _check(chosen: argparse.Namespace) -> None:
-    commands.check(_state(chosen), chosen.form, chosen.draw)
+    post = _state(chosen)
+    commands.check(post, mechanism_path(chosen.mechanism), chosen.form, chosen.draw)
 
 
 def _isolability(chosen: argparse.Namespace) -> None:
@@ -209,7 +206,8 @@ def _commission(chosen: argparse.Namespace) -> int:
 
 
 def _report(chosen: argparse.Namespace) -> None:
-    commands.report(chosen.bag, chosen.output, chosen.namespace)
+    mechanism = mechanism_named(chosen.mechanism) if chosen.mechanism else None
+    commands.report(chosen.bag, chosen.output, chosen.namespace, mechanism)
 
 
 def _detect(chosen: argparse.Namespace) -> None:

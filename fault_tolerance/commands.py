@@ -23,6 +23,7 @@ from fault_tolerance.analysis.finding_tables import (
     finding_records,
     finding_table,
 )
+from fault_tolerance.analysis.hints import text_hints
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
 from fault_tolerance.analysis.runs import run_of
@@ -62,12 +63,18 @@ def table(names: Sequence[str], form: Form) -> None:
     show(form, paper_rows(reports), paper_records(reports), paper_table(reports))
 
 
-def check(post: PostFailure, form: Form, picture: Path | None) -> None:
-    """Print the examination of the mechanism of ``post`` in ``form``; draw it into ``picture``."""
+def check(post: PostFailure, source: Path, form: Form, picture: Path | None) -> None:
+    """Print the examination of the mechanism of ``post`` in ``form``; draw it into ``picture``.
+
+    It comes from the file ``source``, whose text may look odd as well.
+    """
     report = check_report(post.configuration, post)
+    report['hints'] += text_hints(source.read_text(encoding='utf-8'))
     if picture is not None:
         draw(post, picture)
     show(form, report, [('key', 'value'), *flattened(report)], check_table(report))
+    for hint in report['hints'] if form == 'text' else ():
+        print(f'hint: {hint}')  # a line each, however long
 
 
 def isolability(
@@ -133,12 +140,15 @@ def draw(post: PostFailure, picture: Path) -> None:
         raise FaultToleranceError(f'{picture}: cannot be written ({error})') from None
 
 
-def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
+def report(
+    bag: Path, folder: Path | None, namespace: str | None, mechanism: Mechanism | None
+) -> None:
     """Print what the recording ``bag`` shows, and write the report of it to ``folder``.
 
     ``bag`` is an .mcap or .db3 file, or the folder of a bag; without a ``folder`` the report goes
-    beside it. ``namespace`` is that of the robot, if there are several in the bag.
-    FaultToleranceError without rosbags and matplotlib, or if the recording cannot be used.
+    beside it. ``namespace`` is that of the robot, if there are several in the bag, ``mechanism``
+    what was recorded; None: as the metrics say. FaultToleranceError without rosbags and
+    matplotlib, or if the recording cannot be used.
     """
     try:
         # rosbags and matplotlib are optional, and needed here only.
@@ -147,7 +157,7 @@ def report(bag: Path, folder: Path | None, namespace: str | None) -> None:
     except ImportError as error:
         reason = f'reports need rosbags and matplotlib: {error.name} is not installed'
         raise FaultToleranceError(reason) from None
-    run = run_of(recordings_of(read_messages(bag)), namespace)
+    run = run_of(recordings_of(read_messages(bag), mechanism), namespace, mechanism)
     show('text', None, (), summary_table(summary(run)))
     if folder is None:
         folder = bag if bag.is_dir() else bag.parent

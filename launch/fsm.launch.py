@@ -23,6 +23,7 @@ ARGUMENTS = (
     ('namespace', '', 'namespace of all three nodes'),
     ('use_sim_time', 'false', 'take the time from /clock'),
     ('params_file', '', 'parameters that override the shipped ones'),
+    ('engine', '', 'elastic or mujoco simulates the mirror; empty: that of the parameter files'),
     ('log_level', 'info', 'debug, info, warn, error or fatal'),
     ('rviz', 'false', 'look at the mirror in RViz as well'),
 )
@@ -42,6 +43,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     given: dict[str, object] = {'use_sim_time': chosen['use_sim_time'].lower() == 'true'}
     if chosen['mechanism']:
         given['mechanism'] = chosen['mechanism']
+    engine = {'engine': chosen['engine']} if chosen['engine'] else {}
     files = [chosen['params_file']] if chosen['params_file'] else []
     nodes: list[LaunchDescriptionEntity] = [
         Node(
@@ -50,15 +52,25 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             name=name,
             namespace=chosen['namespace'],
             # The later ones win: what is typed, what is in the user's file, what is shipped.
-            parameters=[str(CONFIG / shipped), *files, given],
+            parameters=[
+                str(CONFIG / shipped), *files, given, engine if name == 'fsm' else {}
+            ],
             arguments=['--ros-args', '--log-level', chosen['log_level']],
             output='screen',
+            on_exit=OpaqueFunction(function=_ended, args=[executable]),
         )
         for executable, name, shipped in NODES
     ]
     if chosen['rviz'].lower() == 'true':
         nodes.append(_rviz(chosen['namespace'], given['use_sim_time']))
     return nodes
+
+
+def _ended(context: LaunchContext, executable: str) -> None:
+    """End the launch with an error code where a node could not start or has died."""
+    code = context.locals.event.returncode
+    if code > 0:
+        raise RuntimeError(f'{executable} ended with exit code {code}')
 
 
 def _rviz(namespace: str, use_sim_time: object) -> Node:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fault_tolerance.analysis.hints import hints
 from fault_tolerance.analysis.reports import failure_entries, worst_next
 from fault_tolerance.analysis.scene import joint_groups, joint_letter
 from fault_tolerance.errors import FailureError
@@ -78,6 +79,7 @@ def check_report(configuration: Configuration, post: PostFailure) -> dict[str, A
         },
         'worst_next': worst_next(next_failure(post)),
         'conversions': _conversions(post),
+        'hints': hints(mechanism),
     }
 
 

@@ -29,19 +29,18 @@ from fault_tolerance.analysis.runs import RECOVERED, UNRECOVERED, Run
 from fault_tolerance.analysis.series import Series
 from fault_tolerance.mechanism.arrays import FloatArray
 
-# A logarithmic axis has no place for zero.
+# A logarithmic axis has no place for zero: what is less than this is on its lower edge.
 _LEAST = {'error': 1e-2, 'force': 1e-4}
 _MOST_PATHS = 7
 
-# Inches.
-_WIDTH, _LEFT, _RIGHT = 13.0, 0.95, 1.9
+_WIDTH, _LEFT, _RIGHT = 13.0, 0.95, 1.9  # inches, as all that follows
 _TITLE, _HEADS, _PANEL, _GAP, _BOTTOM = 0.62, 0.5, 1.75, 0.16, 0.55
 
 
 def report_figure(run: Run) -> Figure:
     """Return the figure of ``run``; what was not recorded is left out."""
     panels = _panels(run)
-    count = min(len(run.main), _MOST_PATHS) if len(run.main[0].path) else 0
+    count = min(len(run.main), _MOST_PATHS) if any(len(one.path) for one in run.main) else 0
     side = (_WIDTH - _LEFT - _RIGHT) / max(count, 3)
     paths = (side + 0.45 if count else 0.0) + _HEADS
     noticed = noticed_phase(run)
@@ -83,7 +82,8 @@ def report_figure(run: Run) -> Figure:
 def _words(run: Run) -> tuple[str, str]:
     name = run.mechanism_name or 'a mechanism'
     if UNRECOVERED not in run.passes:
-        return f'{name}: a recorded run', 'One column for each state of failure.'
+        named = ', '.join(f'{n} {one.phase.name}' for n, one in enumerate(run.main, 1))
+        return f'{name}: a recorded run', _folded(named, 170).partition('\n')[0]
     return f'{name}: failures with recovery and without', (
         'With recovery the kinematics are derived anew without what has failed; '
         'without, the commands go on as if nothing had.'
@@ -105,11 +105,12 @@ def _panels(run: Run) -> list[Callable[[Axes, Run], None]]:
     """Return the functions that draw what there is data for."""
     panels: list[tuple[Callable[[Axes, Run], None], Callable[[PhaseRecord], Series]]] = [
         (_draw_errors, lambda record: record.error),
-        (_draw_forces, lambda record: record.efforts),
+        (_draw_forces, lambda record: record.forces),
         (_draw_rates, lambda record: record.rates),
         (_draw_measures, lambda record: record.course),
     ]
-    return [draw for draw, of in panels if any(of(record).values.size for record in run.main)]
+    records = run.main
+    return [draw for draw, of in panels if any(np.isfinite(of(r).values).any() for r in records)]
 
 
 def _starts(run: Run) -> FloatArray:
@@ -152,6 +153,8 @@ def _draw_passes(
         courses = [(one.time, np.maximum(one.values[:, 0], least)) for one in series]
         _draw_courses(axes.plot, run, courses, label=LABELS[name], zorder=3, **STYLES[name])
     axes.set_yscale('log')
+    if axes.dataLim.y0 <= least:
+        axes.set_ylim(bottom=least)
 
 
 def _draw_courses(
@@ -209,6 +212,8 @@ def _draw_limits(
             axes.axhline(sign * factor * least, color='black', linewidth=1.6, zorder=2)
         words = f'limit ±{factor * least:.3g} {unit} (thick)'
     axes.set_ylim(-bound, bound)
+    if not (largest or np.isfinite(least)):
+        axes.set_yticks([0.0])
     # Above the legend's column, so that nothing is covered.
     axes.plot([], [], linestyle='none', label=_folded(words, 22))
 
@@ -223,7 +228,8 @@ def _draw_measures(axes: Axes, run: Run) -> None:
         ]
         zorder = 3 + 0.1 * column
         _draw_courses(axes.step, run, courses, label, where='post', zorder=zorder, **style)
-    axes.set_ylim(-0.05, 1.08)
+    highest = max(float(one.course.values.max(initial=0.0)) for one in run.main)
+    axes.set_ylim(-0.05, 1.05 * highest if np.isfinite(highest) and highest > 1.0 else 1.08)
     axes.set_ylabel('measures\n(0: intolerable)')
 
 
@@ -283,8 +289,8 @@ def _rate_unit(run: Run) -> str:
     if run.mechanism is None:
         return 'm/s or rad/s'
     kinds = {one.kind for one in run.mechanism.actuators}
-    units = {'prismatic': 'm/s', 'revolute': 'rad/s'}
-    return ' or '.join(unit for kind, unit in units.items() if kind in kinds)
+    units = (('prismatic', 'm/s'), ('revolute', 'rad/s'))
+    return ' or '.join(unit for kind, unit in units if kind in kinds)
 
 
 def _scale(largest: float, unit: str) -> tuple[float, str]:

@@ -13,7 +13,8 @@ from math import nan
 
 import numpy as np
 
-from fault_tolerance.analysis.recorded_data import Found, Health, Recording
+from fault_tolerance.analysis.recorded_data import Found, Recording
+from fault_tolerance.analysis.recorded_verdicts import Health
 from fault_tolerance.analysis.series import Series
 from fault_tolerance.analysis.snapshot import WORDS
 from fault_tolerance.kinematics.failures import failure_set
@@ -72,8 +73,9 @@ class PhaseRecord:
     ``state`` and ``measures`` are the controller's state and metrics at its end. Errors count
     after ``settled`` seconds. ``error`` and ``reference`` are angles about x and y (k, 2),
     radians, ``rates`` those commanded, ``efforts`` the forces of the actuators, newtons, and
-    ``preload`` (N,) their mean before the phase. ``course`` has the columns `MEASURES`: the worst
-    p, t and h of a next failure, and the manipulability retained. ``found`` is what detection
+    ``preload`` (N,) their mean before the phase, or where nothing is before, at its beginning.
+    ``course`` has the columns `MEASURES`: the worst p, t and h of a next failure, and the
+    manipulability retained. ``found`` is what detection
     said first, acted on if it acts, its time from where the failure began: the beginning of the
     phase, or in a run without notes where detection thinks that it was. ``setpoints`` are the
     rates commanded with the controller's stamps, from some time before the phase.
@@ -100,9 +102,14 @@ class PhaseRecord:
 
     @property
     def forces(self) -> Series:
-        """The largest of the forces beyond the preload, newtons, one column."""
+        """The largest of the forces beyond the preload, newtons, one column.
+
+        Without rows where there is nothing that measures forces: all are zero, or not a number.
+        """
+        if not (np.isfinite(self.efforts.values) & (self.efforts.values != 0.0)).any():
+            return Series(np.zeros(0), np.zeros((0, 1)))
         beyond = np.abs(self.efforts.values - self.preload)
-        return Series(self.efforts.time, beyond.max(axis=1, initial=0.0)[:, None])
+        return Series(self.efforts.time, np.fmax.reduce(beyond, axis=1)[:, None])
 
     def error_rms(self, period: float | None) -> float:
         """Return the median over whole periods of the rms error, radians.
@@ -123,7 +130,8 @@ class PhaseRecord:
     def peak_force(self) -> float:
         """The largest force beyond the preload, newtons."""
         values = self.forces.values
-        return float(values.max()) if values.size and self.preload.size else nan
+        known = values[np.isfinite(values)]
+        return float(known.max()) if known.size else nan
 
 
 @dataclass(frozen=True)
@@ -174,7 +182,6 @@ def phase_records(recording: Recording) -> tuple[list[PhaseRecord], float | None
     return [
         _record(recording, _phase_of(health), begin, end, 0.0)
         for health, begin, end in _unchanged(recording)
-        if end - begin >= _SHORTEST
     ], None
 
 
@@ -189,19 +196,29 @@ def _noted(recording: Recording) -> Iterator[tuple[Note, float, float]]:
 
 
 def _unchanged(recording: Recording) -> Iterator[tuple[Health, float, float]]:
-    """Yield every stretch in which the controller's verdict stayed the same."""
-    alike = groupby(recording.healths, key=lambda one: (one.state, one.failures))
-    firsts = [next(group) for _, group in alike]
-    ends = [*(one.time for one in firsts[1:]), recording.end]
-    for health, end in zip(firsts, ends, strict=False):
-        yield health, health.time, end
+    """Yield every stretch in which the controller's verdict stayed the same.
+
+    What lasts too short to be seen is no phase, and does not end the one around it.
+    """
+    ends = [*(one.time for one in recording.healths[1:]), recording.end]
+    together = zip(recording.healths, ends, strict=True)
+    alike = [list(group) for _, group in groupby(together, key=_verdict)]
+    lasting = [group for group in alike if group[-1][1] - group[0][0].time >= _SHORTEST]
+    for _, groups in groupby(lasting, key=lambda group: _verdict(group[0])):
+        found = list(groups)
+        health = found[0][0][0]
+        yield health, health.time, found[-1][-1][1]
+
+
+def _verdict(stretch: tuple[Health, float]) -> tuple[str, tuple[str, ...]]:
+    return stretch[0].state, stretch[0].failures
 
 
 def _phase_of(health: Health) -> Phase:
     parts = [text.partition(':') for text in health.failures]
     failures = tuple((mode, name) for mode, _, name in parts)
     words = ', '.join(f'{name} {WORDS.get(mode, mode)}' for mode, name in failures)
-    return Phase(words or health.state, failures)
+    return Phase(words or health.state or 'all of it', failures)
 
 
 def _record(
@@ -210,7 +227,12 @@ def _record(
 ) -> PhaseRecord:
     setpoints = recording.setpoints.since(begin - LISTENING, end)
     before = recording.efforts.since(begin - LISTENING, begin).values
+    if not len(before):  # the recording begins with this phase
+        before = recording.efforts.since(begin, begin + LISTENING).values
+    # At the end of a phase; of its own without notes, where it is that of the verdict.
     state = [one.text for one in recording.states if one.time < end]
+    if injected is None or not state:
+        state = [one.state for one in recording.healths if one.time < end]
     measures = {name: one.since(0.0, end).values for name, one in recording.scalars.items()}
     return PhaseRecord(
         phase=phase,

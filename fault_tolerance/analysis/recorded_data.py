@@ -11,14 +11,22 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from fault_tolerance.analysis import topics
+from fault_tolerance.analysis.recorded_verdicts import (
+    FAILURE_MODE,
+    Health,
+    healths_of,
+    mechanism_in,
+    scalar_in,
+    values_of,
+)
 from fault_tolerance.analysis.series import Series, series_of
+from fault_tolerance.mechanism.description import Mechanism
 
-FAILURE_MODE, SUSPECTED_MODE = 'failure_mode', 'suspected_mode'
-"""The keys of what detection acts on, and of what it only tells."""
+SUSPECTED_MODE = 'suspected_mode'
+"""The key of what detection only tells."""
 
 # Nanoseconds; stamps further from the time of receipt are of another clock.
 _SAME_CLOCK = 5_000_000_000
-_MECHANISM_STATUS = 'fault_tolerance: mechanism'
 DETECTION_STATUS = 'fault_tolerance: detection'
 
 
@@ -44,23 +52,6 @@ class Text(NamedTuple):
 
     time: float
     text: str
-
-
-class Health(NamedTuple):
-    """The controller's verdict at a time (s)."""
-
-    time: float
-    state: str
-    failures: tuple[str, ...]
-
-
-class Verdict(NamedTuple):
-    """What the metrics say of a mechanism; ``suspected`` is what nobody has reported."""
-
-    mechanism: str
-    state: str
-    failures: tuple[str, ...]
-    suspected: str
 
 
 class Found(NamedTuple):
@@ -104,10 +95,13 @@ class Recording:
     origin: int
 
 
-def recordings_of(messages: Iterable[Message]) -> dict[str, Recording]:
+def recordings_of(
+    messages: Iterable[Message], mechanism: Mechanism | None = None
+) -> dict[str, Recording]:
     """Return the recordings by namespace (empty for the root) of every robot with a controller.
 
-    ``messages``, of a live run or from a bag, come in the order of their times.
+    ``messages``, of a live run or from a bag, come in the order of their times. Without metrics
+    the names of the actuators are those of a ``mechanism``, if it is given.
     """
     by_robot: dict[str, dict[str, list[Message]]] = defaultdict(lambda: defaultdict(list))
     origin = None
@@ -120,15 +114,19 @@ def recordings_of(messages: Iterable[Message]) -> dict[str, Recording]:
             continue
         origin = message.time if origin is None else origin
         by_robot[place[0]][place[1]].append(message)
-    return {
-        namespace: _recording(heard, origin or 0, _found(diagnostics, namespace, origin or 0))
-        for namespace, heard in sorted(by_robot.items())
-        if heard[topics.STATE] or heard[topics.METRICS]
-    }
+    signs = (topics.STATE, topics.STATUS, topics.METRICS, topics.JOINT_COMMANDS)
+    found = {}
+    for namespace, heard in sorted(by_robot.items()):
+        if any(heard[one] for one in signs):
+            # The drives of several robots may share one topic of joint states.
+            heard[topics.JOINT_STATES] = heard[topics.JOINT_STATES] or by_robot['']['joint_states']
+            found[namespace] = _recording(heard, diagnostics, namespace, origin or 0, mechanism)
+    return found
 
 
 def _recording(
-    heard: dict[str, list[Message]], origin: int, found: tuple[Found, ...]
+    heard: dict[str, list[Message]], diagnostics: list[Message], namespace: str, origin: int,
+    mechanism: Mechanism | None,
 ) -> Recording:
     last = max(messages[-1].time for messages in heard.values() if messages)
 
@@ -144,22 +142,20 @@ def _recording(
 
     def scalar(name: str) -> Series:
         values = heard[f'{topics.METRICS}/{name}']
-        return series_of([(since(one.time), (one.content.data,)) for one in values], 1)
+        if values:
+            return series_of([(since(one.time), (one.content.data,)) for one in values], 1)
+        told = [(since(one.time), scalar_in(one.content, name)) for one in heard[topics.METRICS]]
+        return series_of([(time, (value,)) for time, value in told if value is not None], 1)
 
     def texts(topic: str) -> tuple[Text, ...]:
         return tuple(Text(since(one.time), one.content.data) for one in heard[topic])
 
-    overall = [
-        (since(message.time), verdict_of(status))
-        for message in heard[topics.METRICS] for status in message.content.status
-        if status.name == _MECHANISM_STATUS
-    ]
-    joints = heard[topics.JOINT_STATES]
-    labels = heard[f'{topics.METRICS}/{topics.ARRAYS["position"]}']
-    named = tuple(topics.labels_in(labels[-1].content)) if labels else ()
-    names = named or (tuple(joints[-1].content.name) if joints else ())
+    joints, told = heard[topics.JOINT_STATES], _hardware_id(heard)
+    prefix, _, name = told.rpartition('/')
+    names, measured = _names(heard, mechanism)
+    space = prefix if told else namespace.strip('/')
     return Recording(
-        mechanism=overall[-1][1].mechanism if overall else '',
+        mechanism=name,
         actuators=names,
         error=pairs(topics.POINTING_ERROR),
         reference=pairs(topics.POINTING_REFERENCE),
@@ -171,16 +167,43 @@ def _recording(
             len(names),
         ),
         efforts=series_of(
-            [(stamped(one), _in_order(one.content, names)) for one in joints], len(names)
+            [(stamped(one), _in_order(one.content, measured)) for one in joints], len(names)
         ),
         scalars={name: scalar(name) for name in topics.SCALARS},
         states=texts(topics.STATE),
-        healths=tuple(Health(time, one.state, one.failures) for time, one in overall),
+        healths=healths_of(heard, diagnostics, space, since),
         phases=texts(topics.PHASE),
-        found=found,
+        found=_found(diagnostics, space, origin),
         end=since(last),
         origin=origin,
     )
+
+
+def _hardware_id(heard: dict[str, list[Message]]) -> str:
+    """Return prefix and name of the mechanism, as far as the controller has told them."""
+    statuses = [mechanism_in(one.content) for one in heard[topics.METRICS]]
+    statuses += [one.content for one in heard[topics.STATUS]]
+    known = [one for one in statuses if one is not None]
+    return str(known[-1].hardware_id) if known else ''
+
+
+def _names(
+    heard: dict[str, list[Message]], mechanism: Mechanism | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of the actuators in the order of commands, and those in joint states."""
+    if mechanism is not None:
+        return mechanism.actuator_names, mechanism.joint_state_names
+    told = heard[topics.JOINT_COMMANDS]
+    joints = tuple(told[-1].content.name) if told else ()
+    labels = heard[f'{topics.METRICS}/{topics.ARRAYS["position"]}']
+    names = tuple(topics.labels_in(labels[-1].content)) if labels else joints
+    if not names:
+        rates, states = heard[topics.COMMANDS], heard[topics.JOINT_STATES]
+        joints = tuple(states[-1].content.name) if states else ()
+        # The order of joint states need not be that of commands: names would be a guess.
+        count = len(rates[-1].content.data) if rates else 0
+        names = tuple(f'drive {n + 1}' for n in range(count)) or joints
+    return names, joints if len(joints) == len(names) else names
 
 
 def _stamp(message: Message) -> int:
@@ -190,16 +213,16 @@ def _stamp(message: Message) -> int:
     return nanoseconds if abs(nanoseconds - message.time) < _SAME_CLOCK else message.time
 
 
-def _found(diagnostics: Iterable[Message], namespace: str, origin: int) -> tuple[Found, ...]:
-    """Return what detection said in all ``diagnostics`` about the robot in ``namespace``."""
+def _found(diagnostics: Iterable[Message], prefix: str, origin: int) -> tuple[Found, ...]:
+    """Return what detection said in all ``diagnostics`` about the robot with this ``prefix``."""
     found = []
     for message in diagnostics:
         time = (_stamp(message) - origin) * 1e-9
         for status in message.content.status:
             space, _, name = status.hardware_id.rpartition('/')
-            if status.name != DETECTION_STATUS or space != namespace.strip('/'):
+            if status.name != DETECTION_STATUS or space != prefix:
                 continue
-            values = {pair.key: pair.value for pair in status.values}
+            values = values_of(status)
             mode = values.get(FAILURE_MODE) or values.get(SUSPECTED_MODE, '')
             onset = _nanoseconds(values.get('onset', ''))
             found.append(Found(
@@ -219,27 +242,9 @@ def _nanoseconds(text: str) -> int | None:
 
 
 def _in_order(joint_state: Any, names: Sequence[str]) -> Sequence[float]:
-    """Return the efforts in the order of ``names``, or as they are if those are others."""
+    """Return the efforts in the order of ``names``; none where one of them has none."""
     efforts = list(joint_state.effort)
     found = list(joint_state.name)
     if len(efforts) != len(found) or not set(names) <= set(found):
-        return efforts
+        return []
     return [efforts[found.index(name)] for name in names]
-
-
-def verdict_of(status: Any) -> Verdict:
-    """Return what the ``status`` of the mechanism in the metrics says."""
-    values = {pair.key: pair.value for pair in status.values}
-    failures = values.get('failures', '')
-    return Verdict(
-        str(status.hardware_id).rpartition('/')[2], values.get('state', ''),
-        tuple(failures.split(', ')) if failures else (), values.get('suspected', ''),
-    )
-
-
-def verdict_in(metrics: Any) -> Verdict | None:
-    """Return what a message of ``metrics`` says of the mechanism; None if it does not."""
-    for status in metrics.status:
-        if status.name == _MECHANISM_STATUS:
-            return verdict_of(status)
-    return None

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 from fault_tolerance.analysis import topics
 from fault_tolerance.analysis.bags import read_topics, topics_in
-from fault_tolerance.analysis.recorded_data import Message, verdict_in
+from fault_tolerance.analysis.recorded_data import Message
+from fault_tolerance.analysis.recorded_verdicts import verdict_in
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.measured_pose import pose_of

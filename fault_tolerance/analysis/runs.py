@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,8 +62,11 @@ class Run:
             return None
 
 
-def run_of(recordings: Mapping[str, Recording], namespace: str | None = None) -> Run:
-    """Return the run in ``recordings`` (by namespace).
+def run_of(
+    recordings: Mapping[str, Recording], namespace: str | None = None,
+    mechanism: Mechanism | None = None,
+) -> Run:
+    """Return the run in ``recordings`` (by namespace), of a ``mechanism`` or the one it names.
 
     Without a ``namespace`` it is the demonstration, if there is one, or the only robot.
     FaultToleranceError if there is no controller, not that one, or more than one to choose from.
@@ -73,18 +77,18 @@ def run_of(recordings: Mapping[str, Recording], namespace: str | None = None) ->
     if namespace is None:
         pair = {RECOVERED: '', UNRECOVERED: f'/{UNRECOVERED}'}
         if set(pair.values()) == set(recordings):
-            return _run({name: recordings[space] for name, space in pair.items()})
+            return _run({name: recordings[space] for name, space in pair.items()}, mechanism)
         if len(recordings) > 1:
             raise FaultToleranceError(f'more than one robot: choose a namespace of {spaces}')
-        return _run({ONLY: next(iter(recordings.values()))})
+        return _run({ONLY: next(iter(recordings.values()))}, mechanism)
     wanted = namespace.strip('/')
     space = f'/{wanted}' if wanted else ''
     if space not in recordings:
         raise FaultToleranceError(f'no controller in the namespace /{wanted}; there is: {spaces}')
-    return _run({ONLY: recordings[space]})
+    return _run({ONLY: recordings[space]}, mechanism)
 
 
-def _run(recordings: Mapping[str, Recording]) -> Run:
+def _run(recordings: Mapping[str, Recording], mechanism: Mechanism | None) -> Run:
     found = {name: phase_records(recording) for name, recording in recordings.items()}
     passes = {name: records for name, (records, _) in found.items()}
     # Of an interrupted demonstration, the phases that both passes have.
@@ -92,12 +96,16 @@ def _run(recordings: Mapping[str, Recording]) -> Run:
     if count == 0:
         raise FaultToleranceError('nothing in it lasts long enough to be shown')
     first = next(iter(recordings.values()))
-    try:
-        mechanism = mechanism_named(first.mechanism) if first.mechanism else None
-    except FaultToleranceError:
-        mechanism = None
+    drives = first.rates.values.shape[1]
+    if mechanism is not None and len(first.rates) and drives != len(mechanism.actuators):
+        reason = f'has {len(mechanism.actuators)} actuators, the commands have {drives} rates'
+        raise FaultToleranceError(f'{mechanism.name}: {reason}')
+    name = mechanism.name if mechanism is not None else first.mechanism
+    if mechanism is None:
+        with suppress(FaultToleranceError):
+            mechanism = mechanism_named(name) if name else None
     return Run(
-        mechanism_name=first.mechanism,
+        mechanism_name=name,
         mechanism=mechanism,
         actuators=first.actuators,
         period=next(iter(found.values()))[1],

@@ -40,9 +40,10 @@ class Series:
 def series_of(samples: Sequence[tuple[float, Sequence[float]]], columns: int = 0) -> Series:
     """Return the series of ``samples`` (time, values), sorted by time.
 
-    Without samples it is ``columns`` wide. Values of another length than the last ones
-    are left out: they are no measurement of the same things.
+    Without samples it is ``columns`` wide. Empty values, and those of another length than the
+    last ones, are left out: they are no measurement of the same things.
     """
+    samples = [one for one in samples if len(one[1])]
     width = len(samples[-1][1]) if samples else columns
     alike = sorted((one for one in samples if len(one[1]) == width), key=lambda one: one[0])
     return Series(

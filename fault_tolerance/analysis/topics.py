@@ -25,6 +25,7 @@ JOINT_COMMANDS = 'fault_tolerance/joint_commands'
 BRAKE_COMMANDS = 'fault_tolerance/brake_commands'
 RELEASE_COMMANDS = 'fault_tolerance/release_commands'
 STATE = 'fault_tolerance/state'
+STATUS = 'fault_tolerance/status'
 METRICS = 'fault_tolerance/metrics'
 POINTING_ERROR = 'pointing/error'
 POINTING_REFERENCE = 'pointing/reference'
@@ -41,7 +42,7 @@ RECORDED = {
     BRAKE_COMMANDS: 'std_msgs/msg/Float64MultiArray',
     RELEASE_COMMANDS: 'std_msgs/msg/Float64MultiArray',
     STATE: 'std_msgs/msg/String',
-    'fault_tolerance/status': 'diagnostic_msgs/msg/DiagnosticStatus',
+    STATUS: 'diagnostic_msgs/msg/DiagnosticStatus',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64MultiArray' for name in ARRAYS.values()},
@@ -61,7 +62,7 @@ RECORDED = {
 """Types by name; a name that does not begin with a slash is relative to the robot's namespace."""
 
 _READ = (
-    *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, METRICS),
+    *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, STATUS, METRICS),
     *(POINTING_ERROR, POINTING_REFERENCE, PHASE),
     *(f'{METRICS}/{name}' for name in (*SCALARS, ARRAYS['position'])),
 )

@@ -52,7 +52,7 @@ class Continuity:
     """
 
     def __init__(self, mechanism: Mechanism, timeout: float) -> None:
-        self._mechanism, self._timeout = mechanism, timeout
+        self._mechanism, self.timeout = mechanism, timeout
         drives = mechanism.actuators
         self._speeds = np.array([_speed(one) for one in drives])
         self._slacks = SLACK * mechanism.characteristic_length / mechanism.rate_scale
@@ -82,7 +82,7 @@ class Continuity:
         -------
         str
         """
-        if self._since > now - self._timeout or now - self._refused > self._timeout:
+        if self._since > now - self.timeout or now - self._refused > self.timeout:
             return ''
         return self._text
 
@@ -122,11 +122,11 @@ class Continuity:
         given = now if stamp is None else stamp
         passed = max(gap, given - self._stamp) + GRACE
         self._heard, self._stamp = now, max(given, self._stamp)
-        if now - self._refused > self._timeout:
+        if now - self._refused > self.timeout:
             self._since = inf
         if self._wraps:
             values = self._unwrapped(values)
-        known = gap <= self._timeout and (moving or not isinf(self._since))
+        known = gap <= self.timeout and (moving or not isinf(self._since))
         if known:
             far = np.abs(values - self._lasts) > self._slacks + MARGIN * passed * self._speeds
             if far.any() and (far & ~self._loose).any():

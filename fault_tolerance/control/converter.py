@@ -42,7 +42,7 @@ class Converter:
     """
 
     def __init__(self, mechanism: Mechanism, acting: bool) -> None:
-        self._mechanism, self._acting = mechanism, acting
+        self._mechanism, self.acting = mechanism, acting
         self.brakes = tuple(one.name for one in mechanism.actuators if one.brake)
         self.releases = tuple(one.name for one in mechanism.struts if one.release)
         self.engaged: tuple[str, ...] = ()
@@ -80,7 +80,7 @@ class Converter:
                 return self.engaged != before
             self.advice = found.best if found.best.actions else None
         best = self.advice
-        if best and self._acting and best.verdict.tolerable and not estimate.tolerated:
+        if best and self.acting and best.verdict.tolerable and not estimate.tolerated:
             asked = (new.name for _, new in best.actions)
             self.engaged = tuple(dict.fromkeys((*self.engaged, *asked)))
             self._goal, self._asked = best.failures, now

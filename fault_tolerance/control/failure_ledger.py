@@ -82,9 +82,7 @@ class FailureLedger:
         report_timeout: float = 3.0,
     ) -> None:
         self._mechanism = mechanism
-        self._auto_clear = auto_clear
-        self._stop_on_unknown_mode = stop_on_unknown_mode
-        self._report_timeout = report_timeout
+        self.set_rules(auto_clear, stop_on_unknown_mode, report_timeout)
         self._entries: dict[_Source, _Entry] = {}
         self._cleared_at: float | None = None
         self.heard = -inf
@@ -92,6 +90,14 @@ class FailureLedger:
         self.failures = FailureSet()
         self.stop_reason = ''
         """Why the reports demand a stop by themselves; empty if they do not."""
+
+    def set_rules(
+        self, auto_clear: bool, stop_on_unknown_mode: bool, report_timeout: float
+    ) -> None:
+        """Go on with other ``auto_clear``, ``stop_on_unknown_mode`` and ``report_timeout`` (s)."""
+        self._auto_clear = auto_clear
+        self._stop_on_unknown_mode = stop_on_unknown_mode
+        self._report_timeout = report_timeout
 
     def apply(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
         """Take the ``reports`` of one message, received at ``now`` (s); return what they did."""

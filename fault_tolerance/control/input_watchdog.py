@@ -21,7 +21,7 @@ class InputWatchdog:
     def __init__(self, name: str, timeout: float, *, ordered: bool) -> None:
         self._name = name
         self._key = name.replace(' ', '_')
-        self._timeout = timeout
+        self.timeout = timeout
         self._ordered = ordered
         self._stamp = -inf
         self.value: FloatArray | None = None
@@ -42,7 +42,7 @@ class InputWatchdog:
     def late(self, now: float, stamp: float | None) -> Notice | None:
         """Return why what was measured at ``stamp`` (s, see `offer`) is too old ``now`` (s)."""
         given = _given(now, stamp)
-        if now - given > self._timeout:
+        if now - given > self.timeout:
             text = f'{self._name} is {now - given:.3f} s old on arrival; ignored'
             return Notice(f'stale_{self._key}', text)
         if self._ordered and given < self._stamp:
@@ -53,7 +53,7 @@ class InputWatchdog:
     def take(self, value: FloatArray, now: float, stamp: float | None) -> None:
         """Take ``value``, which is not `late` ``now`` (s), measured at ``stamp`` (s)."""
         self.value, self._stamp = value, _given(now, stamp)
-        self.deadline = now + self._timeout
+        self.deadline = now + self.timeout
 
     def restart_clock(self) -> None:
         """Let the value be stale until the next one: the clock was set back."""

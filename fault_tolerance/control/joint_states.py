@@ -39,7 +39,7 @@ class JointStateReader:
     """
 
     def __init__(self, mechanism: Mechanism, timeout: float = 0.1) -> None:
-        self._mechanism, self._timeout = mechanism, timeout
+        self._mechanism, self.timeout = mechanism, timeout
         self._names: list[str] = []
         self._places: IntArray = np.zeros(0, dtype=np.intp)
         count = len(mechanism.actuators)
@@ -95,7 +95,7 @@ class JointStateReader:
         self.in_parts, given = True, ~np.isnan(part)
         again = bool((self._fresh & given).any())
         self._newest[given], self._heard[given] = part[given], now
-        current = now - self._heard <= self._timeout
+        current = now - self._heard <= self.timeout
         needed = np.array([not _may_lack(one, failed) for one in self._mechanism.actuators])
         complete = bool(current[needed].all())
         whole = complete and bool((self._fresh | given)[needed].all())

@@ -111,25 +111,26 @@ class Supervisor:
         """Go on with ``kernel``, from the next step on."""
         self._model = self._model.with_kernel(kernel)
 
+    def go_on_with(self, settings: Settings) -> None:
+        """Take other ``settings``, from the next step on; what has been latched stays."""
+        self.settings = self._watch.settings = settings
+        self._readings.timeout = self._continuity.timeout = settings.joint_state_timeout
+        self.converter.acting = settings.convert == 'act'
+        self._velocity.timeout = settings.command_timeout
+        self._ledger.set_rules(
+            settings.auto_clear, settings.unknown_mode == 'stop', settings.report_timeout
+        )
+        self._model = control_model(self.mechanism, settings, self.kernel)
+        self._outdated = True
+
     def joint_reading(
         self, values: FloatArray, now: float, stamp: float | None = None
     ) -> Notice | None:
-        """Take the joint values of all actuators.
+        """Take the joint ``values`` (N,) of all actuators; return why they were rejected.
 
-        Parameters
-        ----------
-        values : (N,) array
-            In the mechanism's order, counted from home; NaN where there is no reading, which
-            only joints that have failed may lack.
-        now : float
-            Seconds.
-        stamp : float, optional
-            When they were measured; now by default.
-
-        Returns
-        -------
-        Notice or None
-            Why the values were rejected; the last good ones then stand until they are stale.
+        They are in the mechanism's order, counted from home; NaN where there is no reading, which
+        only joints that have failed may lack. They were measured at ``stamp`` (``now`` by default,
+        seconds). Of rejected ones the last good ones stand until they are stale.
         """
         self._pass_time(now)
         taken = np.array(values, dtype=np.float64)

@@ -72,6 +72,8 @@ class Watch:
     settings : Settings
     tracking_error, internal_force : float
         m/s and N, as last observed; a force that is not known is NaN.
+    notices : tuple of Notice
+        What there is to warn of, for as long as it lasts.
     """
 
     def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
@@ -82,6 +84,7 @@ class Watch:
         self._free_at = -inf
         self._readings: FloatArray | None = None
         self._excesses: dict[str, Notice] = {}
+        self.notices: tuple[Notice, ...] = ()
 
     @property
     def tracking_error(self) -> float:
@@ -92,11 +95,6 @@ class Watch:
     def out_of_range(self) -> tuple[str, ...]:
         """Actuators whose readings lie beyond their strokes."""
         return self._strokes.out_of_range
-
-    @property
-    def notices(self) -> tuple[Notice, ...]:
-        """What there is to warn of, for as long as it lasts."""
-        return (*self._strokes.notices, *self._excesses.values())
 
     def observe(
         self, now: float, output: Output, internal_force: float
@@ -115,6 +113,7 @@ class Watch:
         for notice in self._found(now, output):
             # The words stay as they were first.
             self._excesses[notice.reason] = before.get(notice.reason, notice)
+        self.notices = (*self._strokes.notices, *self._excesses.values())
         begun = (one for reason, one in self._excesses.items() if reason not in before)
         return (*news, *begun)
 

@@ -63,7 +63,11 @@ class Actuator:
         if isnan(low) or isnan(high) or not low < high:
             raise MechanismError(self.name, 'position', f'[{low}, {high}] is not an interval')
         if not low <= 0.0 <= high:
-            raise MechanismError(self.name, 'position', f'[{low}, {high}] leaves out home (0)')
+            reason = f'[{low}, {high}] leaves out home (0)'
+            if low <= self.home <= high:
+                counted = f'[{low - self.home:g}, {high - self.home:g}]'
+                reason += f'; limits count from home: if these are readings, write {counted}'
+            raise MechanismError(self.name, 'position', reason)
         if isnan(self.velocity) or not self.velocity > 0.0:
             raise MechanismError(self.name, 'velocity', f'{self.velocity} is not positive')
         if not isfinite(self.home):

@@ -17,6 +17,8 @@ from fault_tolerance.errors import ArrayError, MechanismError
 
 # YAML 1.1 reads 1e-3 (no dot) and -.5 as text; people write them as numbers.
 _NUMBER_AS_TEXT = re.compile(r'[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+|[-+]\.\d+')
+_ELEMENT = re.compile(r'<([A-Za-z]\w*)')
+_XML = {'robot': 'a URDF', 'mujoco': 'an MJCF', 'mujocoinclude': 'an MJCF', 'sdf': 'an SDF'}
 _MERGE = 'tag:yaml.org,2002:merge'
 
 
@@ -115,7 +117,7 @@ class Section:
         """Return the name at ``key``: one line that is not empty."""
         value = self.get(key)
         if not _is_name(value):
-            raise self.error(key, f'is {_described(value)}, expected a name')
+            raise self.error(key, f'is {_described(value)}, expected a name{_quotes(value)}')
         return str(value)
 
     def number(self, key: object, default: float | None = None) -> float:
@@ -165,7 +167,7 @@ class Section:
         values = self.items(key)
         for index, value in enumerate(values):
             if not _is_name(value):
-                reason = f'is {_described(value)}, expected a name'
+                reason = f'is {_described(value)}, expected a name{_quotes(value)}'
                 raise self.error(f'{key}[{index}]', reason)
         return tuple(str(value) for value in values)
 
@@ -213,6 +215,10 @@ class Section:
 
 def parsed(text: str, source: str) -> Section:
     """Return the YAML document ``text`` of ``source``; MechanismError if it is none."""
+    if text.lstrip()[:1] == '<':
+        root = _ELEMENT.search(text)
+        kind = _XML.get(root[1] if root else '', 'XML')
+        raise MechanismError(source, '', f'is {kind}; a mechanism file is YAML (docs/adapting.md)')
     try:
         content = yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError) as error:
@@ -220,6 +226,11 @@ def parsed(text: str, source: str) -> Section:
     except RecursionError:
         raise MechanismError(source, '', 'is not YAML: nested too deeply') from None
     return Section(source, '', content)
+
+
+def _quotes(value: object) -> str:
+    """Return what to do where YAML has read a name as something else."""
+    return f' (write "{value}" in quotes)' if isinstance(value, (int, float)) else ''
 
 
 def _is_name(value: object) -> bool:

@@ -13,15 +13,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
 from functools import partial
-from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.belief_publisher import BeliefPublisher
@@ -29,12 +26,12 @@ from fault_tolerance.nodes.command_publisher import CommandPublisher
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.input_subscriber import InputSubscriber
 from fault_tolerance.nodes.kernel_startup import KernelStartup
+from fault_tolerance.nodes.live_settings import LiveSettings
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
-from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.report_subscriber import Batch, ReportSubscriber
 from fault_tolerance.nodes.scheduling import set_realtime_priority
 from fault_tolerance.nodes.services import OperatorServices
-from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settings
+from fault_tolerance.nodes.silent_failures import SilentFailures
 from fault_tolerance.nodes.spinning import Deferred, run
 from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
@@ -51,15 +48,14 @@ class Controller(Node):
 
     def __init__(self, startup: KernelStartup) -> None:
         super().__init__(NAME)
-        values = declared_values(self, CONTROLLER, _settings)
+        live = LiveSettings(self)
+        values = live.values
         mechanism, frame = mechanism_named(values['mechanism']), values['base_frame']
         prefix = values['hardware_id_prefix'].strip('/') or self.get_namespace().strip('/')
         self.deferred = Deferred()
         self._timeline = timeline = TimeLine(self.get_clock())
-        supervisor = Supervisor(mechanism, _settings(values), startup.kernel)
+        supervisor = Supervisor(mechanism, live.settings, startup.kernel)
         self._supervisor, self._startup = supervisor, startup
-        self._stepped = self._excused = False
-        self._ticked = timeline.now()
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
         self._commands = CommandPublisher(self, mechanism, frame, timeline)
         self._belief = BeliefPublisher(
@@ -71,6 +67,7 @@ class Controller(Node):
             self, supervisor, frame, *shared, partial(self._cycle, answers=True),
             self._on_answered, self.deferred,
         )
+        live.keep(supervisor, self._silent.monitor)
         self._status = StatusPublisher(
             self, supervisor, prefix, self.deferred, self._health, self._silent.values,
             self._inputs.missing_joint_states,
@@ -81,6 +78,8 @@ class Controller(Node):
         OperatorServices(
             self, supervisor, timeline, self._on_operator_request, self._silent.monitor.forget
         )
+        self._stepped = self._excused = False
+        self._ticked = timeline.now()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCHDOG_PERIOD, self._on_watchdog, clock=steady)
         timeline.call_on_jump(self._on_clock_jump)
@@ -153,11 +152,6 @@ class Controller(Node):
     def on_shutdown(self) -> None:
         """Stop the drives."""
         self._commands.stop()
-
-
-def _settings(values: dict[str, Any]) -> Settings:
-    monitor_settings(values)
-    return Settings(**settings_from(Settings, values), clock=time.perf_counter)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -21,6 +21,7 @@ from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.fault_injection import FAULTS, FaultInjection
 from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.heartbeat import Heartbeat
 from fault_tolerance.nodes.markers import MarkerPublisher, View
 from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
 from fault_tolerance.nodes.parameter_tables import SIMULATOR
@@ -49,7 +50,11 @@ class FsmSimulator(Node):
         self._period = 1.0 / values['rate']
         namespace = self.get_namespace().strip('/')
         timeline = TimeLine(self.get_clock())
-        self._health = Health(self, timeline, 'simulator', namespace, lambda: (OK, 'running'))
+        heartbeat = Heartbeat(self)
+        self._health = Health(
+            self, timeline, 'simulator', namespace, lambda: heartbeat.told(OK, 'running')
+        )
+        heartbeat.on_change = self._health.publish
         sensor = qos_profile_sensor_data
         self._joint_states = self.create_publisher(JointState, 'joint_states', sensor)
         self._poses = self.create_publisher(PoseStamped, '~/mirror_pose', sensor)

@@ -44,7 +44,7 @@ class Health:
         self._logged: dict[tuple[str, str], float] = {}
         self._shown: dict[tuple[str, str], tuple[float, str]] = {}
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PERIOD, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def warn(self, notice: Notice | None) -> None:
         """Count a ``notice``, if any; log it unless its like on this part was just logged."""
@@ -87,7 +87,8 @@ class Health:
         """Return level and text of the node's status now."""
         return self.with_notices(*self.present())
 
-    def _publish(self) -> None:
+    def publish(self) -> None:
+        """Publish the status now."""
         level, text = self.told()
         counts = {key: str(number) for key, number in sorted(self._counts.items())}
         status = status_to_msg(self._name, self._hardware_id, level, text, counts)

@@ -84,6 +84,7 @@ class InputSubscriber:
         now = self._timeline.now()
         failed = self._supervisor.failures.parts
         values, notice = self._joints.readings(message.name, message.position, failed, now)
+        self._joints.timeout = self._supervisor.settings.joint_state_timeout
         if self._joints.in_parts and not self._in_parts:
             self._in_parts = True
             self._deferred.add(self._keep_all_parts)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from math import pi
 from typing import Any
@@ -25,12 +26,20 @@ _EXAGGERATION = Parameter(
     'marker_exaggeration', 100.0, 'magnification of motions in ~/markers', '', (1.0, 1e6)
 )
 _TIMES = (1e-3, 60.0)
-_live = partial(Parameter, read_only=False)
+_live = partial(Parameter, fixed='')
 
 
-def _fields(settings: type, **rows: tuple[Any, ...]) -> tuple[Parameter, ...]:
-    """Return parameters with the defaults of ``settings``, and what follows in their ``rows``."""
-    return tuple(Parameter(name, getattr(settings, name), *row) for name, row in rows.items())
+def _fields(
+    settings: type, fixed: dict[str, str] | None = None, **rows: tuple[Any, ...]
+) -> tuple[Parameter, ...]:
+    """Return parameters with the defaults of ``settings``, and what follows in their ``rows``.
+
+    Where there is a dict ``fixed``, those that are not in it can be set while the node runs.
+    """
+    found = (Parameter(name, getattr(settings, name), *row) for name, row in rows.items())
+    if fixed is None:
+        return tuple(found)
+    return tuple(replace(one, fixed=fixed.get(one.name, '')) for one in found)
 
 
 CONTROLLER = (
@@ -44,6 +53,7 @@ CONTROLLER = (
     ),
     *_fields(
         Settings,
+        {'recovery': 'a comparison is with the same from the start on'},
         joint_state_timeout=(
             'hold if no usable joint state arrives for this long, in real time', 's', _TIMES),
         command_timeout=(
@@ -89,6 +99,10 @@ CONTROLLER = (
     ),
     *_fields(
         MonitorSettings,
+        dict.fromkeys(
+            ('command_delay', 'breakaway', 'relief'),
+            'the evidence gathered so far was weighed with it; start the node anew',
+        ),
         detect=(
             'failures that nobody reports: off, only told (advise), or handled like reports (act)',
             '', None, ('off', 'advise', 'act')),

@@ -52,8 +52,8 @@ class Parameter:
         Lowest and highest value of a number, or of each number in a tuple.
     choices : tuple of str
         Allowed words; empty: any.
-    read_only : bool
-        Whether it cannot be set while the node runs.
+    fixed : str
+        Why it cannot be set while the node runs; empty: it can, between two steps.
     """
 
     name: str
@@ -62,16 +62,19 @@ class Parameter:
     unit: str = ''
     bounds: tuple[float, float] | None = None
     choices: tuple[str, ...] = ()
-    read_only: bool = True
+    fixed: str = 'the node is built with it; start it anew with another value'
 
     @property
     def descriptor(self) -> ParameterDescriptor:
         """The descriptor that ``ros2 param describe`` shows."""
         unit = f' [{self.unit}]' if self.unit else ''
+        constraints = [f'one of: {", ".join(self.choices)}'] if self.choices else []
+        if self.fixed:
+            constraints.append(f'fixed while the node runs: {self.fixed}')
+        # Not read_only: then rclpy would refuse it without a word why.
         descriptor = ParameterDescriptor(
             description=f'{self.description}{unit}',
-            additional_constraints=f'one of: {", ".join(self.choices)}' if self.choices else '',
-            read_only=self.read_only,
+            additional_constraints='; '.join(constraints),
         )
         if self.bounds and isinstance(self.default, float):
             low, high = (float(bound) for bound in self.bounds)
@@ -161,9 +164,14 @@ def declared_values(
 
     def on_set(parameters: list[NodeParameter]) -> SetParametersResult:
         mine = [one for one in parameters if one.name in known]
-        wanted = {name: node.get_parameter(name).value for name in known}
+        wanted = {name: entry.checked(node.get_parameter(name).value)
+                  for name, entry in known.items()}
         try:
-            wanted |= {one.name: known[one.name].checked(one.value) for one in mine}
+            for one in mine:
+                value = known[one.name].checked(known[one.name].understood(one.value))
+                if known[one.name].fixed and value != wanted[one.name]:
+                    raise ParameterError(one.name, known[one.name].fixed)
+                wanted[one.name] = value
             if mine and check is not None:
                 check(wanted)
         except (FaultToleranceError, ValueError) as error:

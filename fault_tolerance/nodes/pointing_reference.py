@@ -21,6 +21,7 @@ from fault_tolerance.control.pointing import PointingLoop, pointing_error
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.task import COORDINATES
 from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.heartbeat import Heartbeat
 from fault_tolerance.nodes.messages import (
     nanoseconds_from_msg,
     pose_from_msg,
@@ -59,7 +60,9 @@ class PointingReference(Node):
         self.add_post_set_parameters_callback(self._on_have_set)
         timeline = TimeLine(self.get_clock())
         namespace = self.get_namespace().strip('/')
+        self._heartbeat = Heartbeat(self)
         self._health = Health(self, timeline, 'reference', namespace, self._present)
+        self._heartbeat.on_change = self._health.publish
         self._velocities = self.create_publisher(TwistStamped, 'fault_tolerance/task_velocity', 10)
         self._references = self.create_publisher(Vector3Stamped, '~/reference', 10)
         self._errors = self.create_publisher(Vector3Stamped, '~/error', 10)
@@ -99,8 +102,9 @@ class PointingReference(Node):
 
     def _present(self) -> tuple[int, str]:
         if self._started is None:
-            return OK, f'waiting for mirror poses on {self._poses.topic_name}'
-        return OK, self._values['kind']
+            waiting = f'waiting for mirror poses on {self._poses.topic_name}'
+            return self._heartbeat.told(OK, waiting)
+        return self._heartbeat.told(OK, self._values['kind'])
 
 
 def _reference(values: dict[str, Any]) -> Reference:

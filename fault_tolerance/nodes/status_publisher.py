@@ -21,6 +21,7 @@ from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.conversion_publisher import ConversionPublisher
 from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.heartbeat import ALIVE
 from fault_tolerance.nodes.messages import status_name, status_to_msg
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
@@ -61,7 +62,7 @@ class StatusPublisher:
         )
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._state = node.create_publisher(String, '~/state', latched)
-        self._status = node.create_publisher(DiagnosticStatus, '~/status', latched)
+        self._status = node.create_publisher(DiagnosticStatus, '~/status', ALIVE)
         self._published: tuple[object, ...] = ()
         self._told: DiagnosticStatus | None = None
         self._metrics_due = self._collection_due = monotonic()
@@ -81,16 +82,15 @@ class StatusPublisher:
         That is a change of state or failures, and what is done periodically: right after a
         command, when most of the period is still ahead.
         """
+        changed = (output.state, output.failures) != self._published
+        if changed and (output.state is not State.WAITING or monotonic() >= self._discovered):
+            self._deferred.add(self._publish_change)
         if now >= self._metrics_due:
             self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
             self._deferred.add(self.publish_metrics)
         if now >= self._collection_due:
             self._collection_due = now + COLLECTION_PERIOD
             self._deferred.add(gc.collect)
-        if (output.state, output.failures) == self._published:
-            return
-        if output.state is not State.WAITING or monotonic() >= self._discovered:
-            self._deferred.add(self._publish_change)
 
     def _publish_change(self) -> None:
         output = self._supervisor.output

@@ -59,8 +59,5 @@ def test_the_pointing_loop_closes_around_the_belief_as_well(start, probe):
           pose_topic='fault_tolerance/platform_pose')
     errors = probe.heard(Vector3Stamped, 'pointing/error', qos_profile_sensor_data)
     probe.wait_for_state('nominal')
-    probe.wait(lambda: errors and abs(errors[-1].vector.x) < 5e-5, 'the circle')
-    errors.clear()
-    probe.wait(lambda: len(errors) > 250, 'two turns and more')
-    # The circle has a radius of 1000 microradians.
-    assert min(rms(errors)) < 2e-5
+    # The circle has a radius of 1000 microradians; a busy machine may lose it for a while.
+    probe.wait(lambda: len(errors) > 250 and min(rms(errors[-250:])) < 2e-5, 'the circle')

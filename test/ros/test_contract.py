@@ -70,6 +70,7 @@ SUBSCRIBED = {
     'fsm/inject_fault': ('fsm', RELIABLE),
     'fsm/mirror_pose': ('pointing', SENSOR),
     'pointing/reference': ('fsm', SENSOR),
+    'fault_tolerance/status': ('fsm', RELIABLE),
 }
 SERVICES = {
     'fault_tolerance/clear_failures': 'std_srvs/srv/Trigger',

@@ -31,7 +31,9 @@ def check_recording(folder):
     for topic in RECORDED:
         if topic not in ('/diagnostics', BRAKE_COMMANDS, RELEASE_COMMANDS):
             assert count[f'/{topic}'], topic
-            assert count[f'/unrecovered/{topic}'], topic
+            # What needs detection is not known without it, and so not published.
+            unknown = topic.endswith('/internal_force')
+            assert unknown or count[f'/unrecovered/{topic}'], topic
     # The silent failure, its repair, and the reported one.
     assert count['/fsm/inject_fault'] == count['/unrecovered/fsm/inject_fault'] == 3
     assert count['/operator/phase'] == count['/unrecovered/operator/phase'] == 6

@@ -59,7 +59,7 @@ def test_ros2_control_drives_the_joints_in_the_order_of_the_mechanism(path):
 
 FLOAT = Parameter('speed', 1.0, 'how fast', 'm/s', (0.0, 2.0))
 COUNT = Parameter('lines', 8, 'how many', '', (1, 10))
-WORD = Parameter('kind', 'step', 'which', choices=('step', 'circle'))
+WORD = Parameter('kind', 'step', 'which', choices=('step', 'circle'), fixed='')
 PAIR = Parameter('load', (0.0, 0.0), 'how much', 'N', (-1.0, 1.0))
 
 
@@ -94,3 +94,4 @@ def test_a_descriptor_tells_unit_bounds_and_choices():
     (bounds,) = COUNT.descriptor.integer_range
     assert (bounds.from_value, bounds.to_value) == (1, 10)
     assert WORD.descriptor.additional_constraints == 'one of: step, circle'
+    assert FLOAT.descriptor.additional_constraints.startswith('fixed while the node runs: ')

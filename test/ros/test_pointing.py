@@ -119,7 +119,7 @@ def shared(ros, start_for_module):
         ('gain', nan, 'gain'),
         ('gain', -1.0, 'gain'),
         ('amplitude', 'wide', 'type'),
-        ('mechanism', 'fsm_4_strut', 'read-only'),
+        ('mechanism', 'fsm_4_strut', 'the node is built with it'),
     ],
 )
 def test_a_bad_change_is_refused_with_a_reason(shared, name, value, reason):

@@ -1,0 +1,58 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The parameters of the controller: checked together, and in force between two steps."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.detection.monitor import Monitor
+from fault_tolerance.nodes.parameter_tables import CONTROLLER
+from fault_tolerance.nodes.parameters import ParameterError, declared_values, settings_from
+from fault_tolerance.nodes.silent_failures import monitor_settings
+
+
+class LiveSettings:
+    """Declares the parameters of the controller's ``node``; ``values`` are theirs by name."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._detects: bool | None = None
+        self.values = declared_values(node, CONTROLLER, self._check)
+        self._detects = self.values['detect'] != 'off'
+
+    @property
+    def settings(self) -> Settings:
+        """Those of the supervisor."""
+        return _settings(self.values)
+
+    def keep(self, supervisor: Supervisor, monitor: Monitor) -> None:
+        """Have ``supervisor`` and ``monitor`` go on with what is set from now on."""
+
+        def have_set(parameters: list[Parameter]) -> None:
+            mine = {one.name: one.value for one in parameters if one.name in self.values}
+            if mine:
+                self.values |= mine
+                supervisor.go_on_with(self.settings)
+                monitor.settings = monitor_settings(self.values)
+                words = ', '.join(f'{name} = {value}' for name, value in mine.items())
+                self._node.get_logger().info(f'parameters set: {words}')
+
+        self._node.add_post_set_parameters_callback(have_set)
+
+    def _check(self, values: dict[str, Any]) -> None:
+        _settings(values)
+        monitor_settings(values)
+        if self._detects not in (None, values['detect'] != 'off'):
+            raise ParameterError('detect', 'off, or not, is decided when the node starts')
+
+
+def _settings(values: dict[str, Any]) -> Settings:
+    return Settings(**settings_from(Settings, values), clock=time.perf_counter)
