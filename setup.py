@@ -93,6 +93,7 @@ setup(
         'console_scripts': [
             'controller = fault_tolerance.nodes.controller:main',
             'fsm_simulator = fault_tolerance.nodes.fsm_simulator:main',
+            'drive_reports = fault_tolerance.nodes.drive_reports:main',
             'pointing_reference = fault_tolerance.nodes.pointing_reference:main',
             'fault_tolerance = fault_tolerance.cli:main',
         ],

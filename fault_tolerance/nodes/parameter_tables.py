@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameters of the three nodes; ``config/*.yaml`` holds the same names and defaults."""
+"""The parameters of the nodes; ``config/*.yaml`` holds the same names and defaults."""
 
 from __future__ import annotations
 
@@ -150,6 +150,11 @@ SIMULATOR = (
     Parameter(
         'marker_exaggeration', 100.0, 'magnification of motions in ~/markers', '', (1.0, 1e6)
     ),
+)
+
+DRIVE_REPORTS = (
+    _MECHANISM,
+    Parameter('rules', 'cia402', 'shipped rules by name, or the path of a rule file'),
 )
 
 POINTING = (

@@ -91,7 +91,7 @@ def states():
 
 
 def test_everything_lies_where_ros2_looks_for_it(workspace):
-    for script in ('controller', 'fsm_simulator', 'pointing_reference'):
+    for script in ('controller', 'fsm_simulator', 'pointing_reference', 'drive_reports'):
         assert (workspace.prefix / 'lib' / 'fault_tolerance' / script).is_file()
     share = workspace.prefix / 'share'
     assert (share / 'ament_index/resource_index/packages/fault_tolerance').is_file()

@@ -72,7 +72,7 @@ def test_pip_installation(installed, tmp_path, environment):
 
 @pytest.mark.slow
 def test_pip_installation_has_its_commands(installed, tmp_path, environment):
-    for script in ('controller', 'fsm_simulator', 'pointing_reference'):
+    for script in ('controller', 'fsm_simulator', 'pointing_reference', 'drive_reports'):
         assert (installed / 'bin' / script).is_file()
     answer = subprocess.run(
         [installed / 'bin' / 'fault_tolerance', 'measures', 'fsm_4_strut', '--json'],
