@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import importlib
 
+from rclpy.type_support import check_for_type_support
+
 
 def message_type(kind: str) -> type | None:
     """Return the class of the messages of type ``kind``, as ``std_msgs/msg/Int32``.
@@ -15,7 +17,8 @@ def message_type(kind: str) -> type | None:
     """
     package, _, name = kind.split('/')
     try:
-        found = getattr(importlib.import_module(f'{package}.msg'), name, None)
-    except ImportError:
+        found = getattr(importlib.import_module(f'{package}.msg'), name)
+        check_for_type_support(found)
+    except Exception:  # what a package that is built for another ROS raises is its own affair
         return None
-    return found if hasattr(found, 'get_fields_and_field_types') else None
+    return found if isinstance(found, type) else None
