@@ -35,6 +35,8 @@ def rule_table(report: Mapping[str, Any]) -> RenderableType:
         parts.append(Text(f'\n{rule["name"]}: {place}'))
         parts.append(Text(f'  {_whose(rule)}'))
         table = plain_table('if the value', 'says', 'which means')
+        # All of an expression, however long.
+        table.columns[0].overflow = 'fold'
         for case in rule['cases']:
             words = f'{case["text"]}: {case["meaning"]}' if case['text'] else case['meaning']
             table.add_row(case['if'], case['says'], words)

@@ -28,6 +28,10 @@ MEANING: dict[Says, str] = {
 }
 
 
+# Words that YAML makes true and false of, where they are not in quotes.
+_TRUE, _FALSE = ('true', 'on', 'yes'), ('false', 'off', 'no')
+
+
 @dataclass(frozen=True)
 class Case:
     """One case of a rule; without any condition it holds for every value.
@@ -106,8 +110,8 @@ def number_of(value: Value) -> float | None:
     """Return ``value`` as a number; None if it is a text that is none, or not finite."""
     if isinstance(value, str):
         word = value.strip().casefold()
-        if word in ('true', 'false'):
-            return float(word == 'true')
+        if word in _TRUE or word in _FALSE:
+            return float(word in _TRUE)
         try:
             return float(int(word, 0))
         except ValueError:

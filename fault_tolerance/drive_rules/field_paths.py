@@ -111,6 +111,8 @@ class FieldPath:
             steps.append(replace(step, wanted=step.wanted.replace(DRIVE, word)))
             if step.how == 'index' and not _INDEX.fullmatch(steps[-1].wanted):
                 raise FieldError(f'{drive!r} is not an index from 0 on')
+            if step.how == 'like':
+                _require_expression(steps[-1].wanted)
         return FieldPath(tuple(steps))
 
     def values(self, message: object) -> Iterator[tuple[str, Value]]:

@@ -37,6 +37,13 @@ rules:
       - {is: 0, says: well}
       - {bits: 1, says: free, text: no supply}
     otherwise: worse
+  - name: never heard
+    topic: never
+    type: std_msgs/msg/Int32MultiArray
+    field: data[0]
+    cases:
+      - {is: 0, says: well}
+    otherwise: worse
   - name: not here
     topic: elsewhere
     type: other_vendors_msgs/msg/DriveState
@@ -147,6 +154,11 @@ def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
     assert own[-1].hardware_id == 'left/drive_reports'
     assert own[-1].message == 'no message type other_vendors_msgs/msg/DriveState'
     assert node.output.count('other_vendors_msgs/msg/DriveState') == 1
+    # What has said nothing after 5 s is told too.
+    probe.wait(lambda: 'never heard waits for it' in node.output, 'the line about silence')
+    assert 'nothing on never yet' in node.output
+    probe.wait(lambda: 'is what it calls them right?' in node.output, 'the line about drives')
+    assert '/diagnostics says nothing of theta_1, theta_2, theta_3, theta_4:' in node.output
     assert node.alive
     machine._probe.close()
 

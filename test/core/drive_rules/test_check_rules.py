@@ -4,6 +4,7 @@
 
 import json
 import re
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,27 @@ def test_a_recording_without_the_topic(bag, capsys):
     report = asked(capsys, 'cia402', '--mechanism', 'mirror_4_strut', '--bag', bag)
     assert report['events'] == []
     assert report['remarks'][0] == '/dynamic_joint_states is not in it'
+
+
+def test_a_recording_without_definitions_of_its_types(tmp_path, capsys):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg('int32 state', 'vendors_msgs/msg/Drive'))
+    folder = tmp_path / 'old'
+    with rosbag2.Writer(folder, version=9) as writer:
+        topic = writer.add_connection('/drive', 'vendors_msgs/msg/Drive', typestore=store)
+        message = store.types['vendors_msgs/msg/Drive'](state=1)
+        writer.write(topic, 0, store.serialize_cdr(message, 'vendors_msgs/msg/Drive'))
+    database, = folder.glob('*.db3')
+    with sqlite3.connect(database) as connection:
+        connection.execute('delete from message_definitions')
+    rules = tmp_path / 'mine.yaml'
+    rules.write_text(
+        'rules: [{name: a, topic: drive, type: vendors_msgs/msg/Drive, field: state,\n'
+        '         cases: [{is: 0, says: well}], otherwise: worse}]\n')
+    options = [str(rules), '--mechanism', 'fsm_4_strut', '--bag', str(folder)]
+    assert main(['check-rules', *options]) == 2
+    message = capsys.readouterr().err
+    assert message == f'fault_tolerance: {folder}: it has no definition of vendors_msgs/msg/Drive\n'
 
 
 def test_a_wrong_name_is_noticed(bag, capsys, tmp_path):

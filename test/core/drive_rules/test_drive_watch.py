@@ -65,6 +65,14 @@ def test_a_path_that_does_not_fit(path, reason):
         list(field_path(path).values(MESSAGE))
 
 
+@given(st.text(alphabet='ab[]{}.=~()\\1 drive', max_size=20), st.sampled_from(['1', 'b', 'a.c(']))
+def test_no_path_is_worse_than_an_error(text, drive):
+    try:
+        list(field_path(text).of_drive(drive).values(MESSAGE))
+    except FieldError as error:
+        assert str(error)
+
+
 @given(st.integers(-2**31, 2**32), st.integers(1, 0xFFFF), st.integers(0, 0xFFFF))
 def test_a_mask_compares_bits_of_any_kind_of_number(word, mask, wanted):
     case = Case('well', values=(wanted,), mask=mask)
@@ -76,7 +84,7 @@ def test_a_mask_compares_bits_of_any_kind_of_number(word, mask, wanted):
 
 @pytest.mark.parametrize(('case', 'yes', 'no'), [
     (Case('well', values=('on', 3)), ['On', ' on ', 3, 3.0, '3'], ['off', 4, '', 'nan']),
-    (Case('well', values=(True,)), [True, 1, 'true'], [False, 0, 'yes']),
+    (Case('well', values=(True,)), [True, 1, 'true', 'On'], [False, 0, 'off', 'enabled']),
     (Case('well', within=(1.0, 2.0)), [1, 1.5, '2'], [0.99, 2.01, 'x', float('inf')]),
     (Case('well', bits=6), [2, 4, 7, '0x4'], [1, 0, 2.5, 'x', float('inf')]),
     (Case('well'), [0, 'anything', False], []),
