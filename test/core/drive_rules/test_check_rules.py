@@ -84,8 +84,8 @@ def test_a_recording_without_definitions_of_its_types(tmp_path, capsys):
         '         cases: [{is: 0, says: well}], otherwise: worse}]\n')
     options = [str(rules), '--mechanism', 'fsm_4_strut', '--bag', str(folder)]
     assert main(['check-rules', *options]) == 2
-    message = capsys.readouterr().err
-    assert message == f'fault_tolerance: {folder}: it has no definition of vendors_msgs/msg/Drive\n'
+    assert capsys.readouterr().err == (
+        f'fault_tolerance: {folder}: it has no definition of vendors_msgs/msg/Drive\n')
 
 
 def test_a_wrong_name_is_noticed(bag, capsys, tmp_path):
