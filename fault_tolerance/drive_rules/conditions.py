@@ -42,8 +42,8 @@ class Case:
     text : str
         What a person is told.
     once_enabled : bool
-        Whether it counts only for a drive that has been well before: what a drive goes through
-        while it starts is no failure.
+        Whether it says nothing until the drive was well for the first time: what a drive goes
+        through while it starts is no failure.
     values : tuple
         Numbers or texts, one of which it has to be.
     mask : int or None

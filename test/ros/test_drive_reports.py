@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from node_rig import Probe, values_of
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Temperature
 from std_msgs.msg import Int32MultiArray
 
 from fault_tolerance.nodes.message_types import message_type
@@ -36,6 +38,16 @@ rules:
     cases:
       - {is: 0, says: well}
       - {bits: 1, says: free, text: no supply}
+    otherwise: worse
+  - name: heat
+    topic: motor_{drive}/temperature
+    type: sensor_msgs/msg/Temperature
+    best_effort: true
+    field: temperature
+    drives: "{number}"
+    cases:
+      - {within: [-50, 80], says: well}
+      - {within: [80, 120], says: nothing}
     otherwise: worse
   - name: never heard
     topic: never
@@ -131,6 +143,27 @@ def test_two_rules_about_one_drive_add_up(machine, plant, probe):
     assert mode_of(machine, 'drive_reports: theta_4 (leg monitor)') == 'position'
     plant.step()
     probe.wait(lambda: probe.mechanism['failures'] == 'position:theta_4', 'the worse of them')
+
+
+def test_sensor_data_of_one_topic_for_each_drive(machine, plant, probe):
+    publisher = probe.node.create_publisher(
+        Temperature, 'motor_3/temperature', qos_profile_sensor_data)
+    probe.wait(publisher.get_subscription_count, 'drive_reports')
+
+    def reported(temperature: float, mode: str) -> bool:
+        # Sensor data may get lost.
+        publisher.publish(Temperature(temperature=temperature))
+        probe.listen(0.02)
+        return mode_of(machine, 'drive_reports: theta_3 (heat)') == mode
+
+    probe.wait(lambda: reported(135.5, 'torque'), 'too hot')
+    plant.reach('degraded')
+    report = machine.reports()['drive_reports: theta_3 (heat)']
+    assert report.message == 'unknown value: 135.5'
+    reported(100.0, '')
+    probe.wait(lambda: reported(60.0, 'none'), 'cool again')
+    assert probe.clear().success
+    plant.reach('nominal')
 
 
 def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
