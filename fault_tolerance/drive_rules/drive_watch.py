@@ -112,11 +112,15 @@ class DriveWatch:
         )
         self._by_topic: dict[str, list[WatchedDrive]] = defaultdict(list)
         for drive in self.drives:
-            kind = self._by_topic[drive.topic][0].rule.kind if self._by_topic[drive.topic] else ''
-            if kind not in ('', drive.rule.kind):
-                reason = f'{drive.topic} is of type {kind} in another rule'
-                raise MechanismError(rules.source, f'rules.{drive.rule.name}.type', reason)
             self._by_topic[drive.topic].append(drive)
+            rule, other = drive.rule, self._by_topic[drive.topic][0].rule
+            place = f'rules.{rule.name}'
+            if rule.kind != other.kind:
+                reason = f'{drive.topic} is of type {other.kind} in another rule'
+                raise MechanismError(rules.source, f'{place}.type', reason)
+            if rule.best_effort != other.best_effort:
+                reason = f'{drive.topic} is of another quality in another rule'
+                raise MechanismError(rules.source, f'{place}.best_effort', reason)
 
     @property
     def topics(self) -> dict[str, Rule]:

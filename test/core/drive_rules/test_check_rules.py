@@ -67,6 +67,17 @@ def test_a_recording_without_the_topic(bag, capsys):
     assert report['remarks'][0] == '/dynamic_joint_states is not in it'
 
 
+def test_a_recording_whose_topic_is_of_another_type(bag, capsys, tmp_path):
+    rules = tmp_path / 'mine.yaml'
+    rules.write_text(
+        'rules: [{name: a, topic: dynamic_joint_states, type: std_msgs/msg/Int32, field: data,\n'
+        '         cases: [{is: 0, says: well}], otherwise: worse}]\n')
+    report = asked(capsys, rules, '--mechanism', 'mirror_4_strut', '--bag', bag,
+                   '--namespace', '/left/')
+    assert (report['messages'], report['remarks']) == (0, [
+        f'/left/dynamic_joint_states is of type {DYNAMIC} in it, not std_msgs/msg/Int32'])
+
+
 def test_a_recording_without_definitions_of_its_types(tmp_path, capsys):
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg('int32 state', 'vendors_msgs/msg/Drive'))

@@ -130,8 +130,12 @@ def test_rules_that_do_not_fit_the_mechanism(path, value, message):
         DriveWatch(rules, mechanism_named('mirror_4_strut'))
 
 
-def test_one_topic_of_two_types():
+@pytest.mark.parametrize(('key', 'value', 'message'), [
+    ('type', 'std_msgs/msg/Bool', 'rules.b.type: drives/theta_1/state is of type std_msgs/msg/In'),
+    ('best_effort', True, 'rules.b.best_effort: drives/theta_1/state is of another quality in'),
+])
+def test_one_topic_of_two_kinds(key, value, message):
     content = document()
-    content['rules'].append({**copy.deepcopy(RULE), 'name': 'b', 'type': 'std_msgs/msg/Bool'})
-    with pytest.raises(MechanismError, match='rules.b.type: drives/theta_1/state is of type std'):
+    content['rules'].append({**copy.deepcopy(RULE), 'name': 'b', key: value})
+    with pytest.raises(MechanismError, match=message):
         DriveWatch(rules_from_text(yaml.safe_dump(content)), mechanism_named('mirror_4_strut'))

@@ -236,6 +236,16 @@ def test_one_status_that_is_well_does_not_mend_another_of_the_same_drive():
     assert said(watcher) == {}
 
 
+def test_the_worst_of_several_statuses_of_a_drive_counts():
+    watcher = watch('diagnostics')
+    bad = status('motor 2: temperature', '', 2, 'overheat'), status('motor 2', '', 2, 'stalled')
+    for statuses in (bad, bad[::-1]):
+        watcher.take('/diagnostics', diagnostics(*statuses))
+        assert said(watcher) == {'theta_2': 'position'}
+    watcher.take('/diagnostics', diagnostics(status('motor 2', '', 0, 'moves')))
+    assert said(watcher) == {'theta_2': 'torque'}
+
+
 def test_what_is_a_report_already_is_not_reported_again():
     """Its own reports come back to the node, as it listens where it publishes."""
     watcher = watch('diagnostics')
