@@ -6,6 +6,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
+from setuptools.command.develop import develop
+from setuptools.command.install_scripts import install_scripts
 
 HERE = Path(__file__).resolve().parent
 MANIFEST = ElementTree.parse(HERE / 'package.xml').getroot()
@@ -21,6 +23,19 @@ def shared_files(folder):
             relative = file.relative_to(HERE)
             files_of.setdefault(str(SHARE / relative.parent), []).append(str(relative))
     return list(files_of.items())
+
+
+def named_for_ros2_run(command):
+    """Return a setuptools command whose scripts are without the name of the package before them.
+
+    colcon installs with these commands: `ros2 run fault_tolerance controller`. pip makes its own
+    scripts, for everybody's PATH: `fault_tolerance_controller`.
+    """
+    class Named(command):
+        def write_script(self, script_name, *content):
+            super().write_script(script_name.removeprefix(f'{NAME}_'), *content)
+
+    return Named
 
 
 setup(
@@ -91,11 +106,15 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'controller = fault_tolerance.nodes.controller:main',
-            'fsm_simulator = fault_tolerance.nodes.fsm_simulator:main',
-            'drive_reports = fault_tolerance.nodes.drive_reports:main',
-            'pointing_reference = fault_tolerance.nodes.pointing_reference:main',
+            'fault_tolerance_controller = fault_tolerance.nodes.controller:main',
+            'fault_tolerance_fsm_simulator = fault_tolerance.nodes.fsm_simulator:main',
+            'fault_tolerance_drive_reports = fault_tolerance.nodes.drive_reports:main',
+            'fault_tolerance_pointing_reference = fault_tolerance.nodes.pointing_reference:main',
             'fault_tolerance = fault_tolerance.cli:main',
         ],
+    },
+    cmdclass={
+        'develop': named_for_ros2_run(develop),
+        'install_scripts': named_for_ros2_run(install_scripts),
     },
 )

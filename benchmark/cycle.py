@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.names import CYCLE, DEGRADED, GROWTH, STEP
+from benchmark.listening import Listening
+from benchmark.names import BANK, CYCLE, DEGRADED, DETECTION, GROWTH, STEP
 from benchmark.peers import PEERS
 from benchmark.samples import main, row
 from fault_tolerance.control.estimate import control_model, estimate
@@ -151,6 +152,9 @@ def _of_one(mechanism: Mechanism, repeats: int, calls: int) -> list[dict[str, An
     notes = dict.fromkeys(named, '')
     named[CACHED]()
     if mechanism.name in COMPARED:
+        listening = Listening(configurations[0])
+        named |= {BANK: listening.bank, DETECTION: listening.readings}
+        notes |= {BANK: 'all filters, one set of readings', DETECTION: 'after the command'}
         for name, make in PEERS.items():
             step = make(mechanism)
             if step is None:

@@ -14,10 +14,12 @@ from typing import Any
 
 from benchmark.names import (
     ARRAY_ECHO,
+    BANK,
     COMMAND,
     COMPILATION,
     DEFINITIONS,
     DEGRADED,
+    DETECTION,
     FAILURE,
     FIRST_START,
     GROWTH,
@@ -127,6 +129,11 @@ def _growth(rows: Rows) -> float | None:
     return ratio(rows, GROWTH.format(8), GROWTH.format(4))
 
 
+def _bank(rows: Rows) -> float | None:
+    name = _COMPARED[8]
+    return _over(_p50(rows, BANK, mechanism=name), _p50(rows, STEP, mechanism=name))
+
+
 def _measures(rows: Rows) -> float | None:
     return _over(_p50(rows, MEASURES), _p50(rows, DEFINITIONS))
 
@@ -191,6 +198,12 @@ TARGETS = (
     Target(
         'p95 of the whole step with a failure, over the median without, N = 8', 2.5, 1.5,
         _tail_with_a_failure(8), _step_text,
+    ),
+    Target(
+        'detection, whole bank, over the whole step, N = 8', 0.5, 0.1, _bank,
+        lambda rows: ', '.join(
+            f'{name}: {_p50(rows, name, struts=8)} us' for name in (BANK, DETECTION, STEP)
+        ),
     ),
     Target(
         'all single and double measures over a loop of the definitions', 1 / 60, 1 / 100,

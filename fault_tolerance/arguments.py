@@ -67,6 +67,15 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     add_forms(parser)
 
 
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """Add what the report of a recorded run needs to a ``parser``."""
+    parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
+    parser.add_argument(
+        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
+    )
+    parser.add_argument('--namespace', help='of the robot, if there are several in the bag')
+
+
 def add_rules(parser: argparse.ArgumentParser) -> None:
     """Add a rule file, and what it can be tried on, to a ``parser``."""
     parser.add_argument('rules', help='shipped rules or a file')
@@ -134,9 +143,20 @@ def add_isolability(parser: argparse.ArgumentParser) -> None:
     add_forms(parser)
 
 
+def add_node(parser: argparse.ArgumentParser, name: str, what: str) -> None:
+    """Add to a ``parser`` where a node is: ``what`` it is, by default named ``name``."""
+    parser.add_argument(
+        '--namespace', default='', type=namespace, metavar='NS', help=f'of {what}'
+    )
+    parser.add_argument(
+        '--node', default=name, type=node, metavar='NAME',
+        help=f'name of {what} (default: {name})',
+    )
+
+
 def add_watch(parser: argparse.ArgumentParser) -> None:
     """Add what the live view needs to a ``parser``."""
-    parser.add_argument('--namespace', default='', help='of the controller')
+    add_node(parser, 'fault_tolerance', 'the controller')
     parser.add_argument(
         '--mechanism', default='', help='for rate limits and units, if it is not a shipped one'
     )
@@ -154,8 +174,30 @@ def add_first_motion(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--step', action='append', default=[], type=step, metavar='[NAME=]VALUE',
                         help='how far drives go at most, m or rad')
-    parser.add_argument('--namespace', default='', help='of the machine')
+    parser.add_argument('--namespace', default='', type=namespace, help='of the machine')
     parser.add_argument('--json', action='store_true', help='as JSON, for programs')
+
+
+def node(text: str) -> str:
+    """Return ``text`` as the name of a node, without the slash of its full name.
+
+    ArgumentTypeError if it is none.
+    """
+    name = text.removeprefix('/')
+    if not (name.isidentifier() and name.isascii()):
+        raise argparse.ArgumentTypeError(f'{text!r} is not the name of a node (see --namespace)')
+    return name
+
+
+def namespace(text: str) -> str:
+    """Return ``text`` as a namespace without slashes at its ends.
+
+    ArgumentTypeError if it is none.
+    """
+    place = text.strip('/')
+    if not all(one.isidentifier() and one.isascii() for one in place.split('/') if place):
+        raise argparse.ArgumentTypeError(f'{text!r} is not a namespace')
+    return place
 
 
 def sensors(text: str) -> Sensors:

@@ -19,7 +19,9 @@ from fault_tolerance.arguments import (
     add_first_motion,
     add_forms,
     add_isolability,
+    add_node,
     add_recording,
+    add_report,
     add_rules,
     add_state,
     add_study,
@@ -57,7 +59,7 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line with ``arguments`` (default: those of the process).
 
-    Returns the exit code: 0, 2 for bad input, 130 if interrupted.
+    Returns the exit code: 0, 1 for a result that is bad news, 2 for bad input, 130 if interrupted.
     """
     parser = _parser()
     chosen = parser.parse_args(arguments)
@@ -132,23 +134,19 @@ def _parser() -> argparse.ArgumentParser:
         command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
 
-    one = command(_report, 'figure and page of a recorded run')
-    one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
-    one.add_argument(
-        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
-    )
-    one.add_argument('--namespace', help='of the robot, if there are several in the bag')
-
+    add_report(command(_report, 'figure and page of a recorded run'))
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
     add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
     add_study(command(_detection_study, 'false alarms and delays of detection, in simulation'))
     add_rules(command(_check_rules, 'what the rules about drives mean, and would have reported'))
-    command(_inject, 'break or mend the running simulated mirror').add_argument(
-        'words', nargs='+', metavar='WORD',
-        help='[silent] MODE NAME, as for the topic: stuck theta_4, ok all; '
-        f'MODE is one of {", ".join(FAULT_WORDS)}',
+    one = command(_inject, 'break or mend the running simulated mirror')
+    one.add_argument(
+        'words', nargs='+', metavar='WORD', help='[silent] MODE NAME, as for the topic: '
+        f'stuck theta_4, ok all; MODE is one of {", ".join(FAULT_WORDS)}',
     )
-    command(_clear, 'let the running controller release failures')
+    add_node(one, 'fsm', 'the simulator')
+    what = 'let the running controller release failures'
+    add_node(command(_clear, what), 'fault_tolerance', 'the controller')
     return parser
 
 
@@ -202,7 +200,7 @@ def _demo(chosen: argparse.Namespace) -> int:
 def _watch(chosen: argparse.Namespace) -> int:
     with _needing_rclpy():
         from fault_tolerance.nodes.watch_cli import watch
-    return watch(chosen.namespace, chosen.mechanism, chosen.duration)
+    return watch(chosen.namespace, chosen.mechanism, chosen.duration, chosen.node)
 
 
 def _commission(chosen: argparse.Namespace) -> int:
@@ -247,13 +245,15 @@ def _detection_study(chosen: argparse.Namespace) -> int:
 def _inject(chosen: argparse.Namespace) -> None:
     with _needing_rclpy():
         from fault_tolerance.nodes.operator_cli import inject
-    print(inject(' '.join(chosen.words)))
+    print(inject(' '.join(chosen.words), chosen.namespace, chosen.node))
 
 
-def _clear(_: argparse.Namespace) -> None:
+def _clear(chosen: argparse.Namespace) -> int:
     with _needing_rclpy():
         from fault_tolerance.nodes.operator_cli import clear
-    print(clear())
+    answer, code = clear(chosen.namespace, chosen.node)
+    print(answer)
+    return code
 
 
 @contextmanager

@@ -29,11 +29,12 @@ from fault_tolerance.analysis.suspicion_text import alike_text, suspect_text, un
 from fault_tolerance.analysis.terminal import in_ascii
 
 # Safe for colour-blind readers; each colour has its word beside it.
+_STOPPED = 'stopped'
 _STATES = {
     'nominal': 'bold white on blue',
     'degraded': 'bold black on yellow',
     'hold': 'bold black on bright_white',
-    'stopped': 'bold white on red',
+    _STOPPED: 'bold white on red',
 }
 _FAILED = {'position': 'bold yellow', 'torque': 'bold magenta', 'hard': 'dim'}
 _GOOD, _LITTLE, _NOTHING = 'cyan', 'yellow', 'red'
@@ -91,7 +92,7 @@ class LiveView:
             yield _actuators(snapshot, width, plain)
             yield _struts(snapshot)
         yield Text('')
-        if snapshot.actuators:
+        if snapshot.actuators and snapshot.state != _STOPPED:
             yield _worst(snapshot)
         yield from _blind_spots(snapshot)
         if snapshot.errors:
@@ -106,7 +107,8 @@ def plain_line(snapshot: Snapshot) -> str:
     parts += [f'suspected: {suspect_text(one)}' for one in snapshot.suspects]
     if snapshot.errors:
         parts.append(f'error {_rms(snapshot)}')
-    parts.append(_worst(snapshot).plain)
+    if snapshot.state != _STOPPED:
+        parts.append(_worst(snapshot).plain)
     rates = [one.rate for one in snapshot.actuators]
     if rates and all(rate is not None for rate in rates):
         parts.append('rates ' + ' '.join(f'{rate:.3g}' for rate in rates))

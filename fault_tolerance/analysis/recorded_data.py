@@ -155,8 +155,8 @@ def _recording(
         if status.name == _MECHANISM_STATUS
     ]
     joints = heard[topics.JOINT_STATES]
-    labels = heard[f'{topics.METRICS}/position']
-    named = tuple(one.label for one in labels[-1].content.layout.dim) if labels else ()
+    labels = heard[f'{topics.METRICS}/{topics.ARRAYS["position"]}']
+    named = tuple(topics.labels_in(labels[-1].content)) if labels else ()
     names = named or (tuple(joints[-1].content.name) if joints else ())
     return Recording(
         mechanism=overall[-1][1].mechanism if overall else '',

@@ -5,11 +5,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 SCALARS = (
     'position_tolerance', 'torque_tolerance', 'hard_tolerance', 'retained_manipulability',
-    'condition_number', 'recovery_time', 'active_failures',
+    'condition_number', 'active_failures', 'reconfiguration_time', 'time_since_report',
+    'internal_force', 'tracking_error',
 )
 """The controller's metrics with a topic of their own."""
+
+ARRAYS = {
+    'position': 'position_measures', 'torque': 'torque_measures', 'hard': 'hard_measures'
+}
+"""The controller's metrics with a number for each actuator, or strut, by failure mode."""
 
 JOINT_STATES = 'joint_states'
 COMMANDS = 'velocity_controller/commands'
@@ -29,13 +37,14 @@ RECORDED = {
     COMMANDS: 'std_msgs/msg/Float64MultiArray',
     JOINT_COMMANDS: 'sensor_msgs/msg/JointState',
     STATE: 'std_msgs/msg/String',
+    'fault_tolerance/status': 'diagnostic_msgs/msg/DiagnosticStatus',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',
     **{f'{METRICS}/{name}': 'std_msgs/msg/Float64' for name in SCALARS},
-    f'{METRICS}/position': 'std_msgs/msg/Float64MultiArray',
-    f'{METRICS}/torque': 'std_msgs/msg/Float64MultiArray',
-    f'{METRICS}/hard': 'std_msgs/msg/Float64MultiArray',
+    **{f'{METRICS}/{name}': 'std_msgs/msg/Float64MultiArray' for name in ARRAYS.values()},
     'fault_tolerance/task_velocity': 'geometry_msgs/msg/TwistStamped',
     'fault_tolerance/achieved_velocity': 'geometry_msgs/msg/TwistStamped',
+    'fault_tolerance/platform_pose': 'geometry_msgs/msg/PoseStamped',
+    'fault_tolerance/markers': 'visualization_msgs/msg/MarkerArray',
     'fsm/inject_fault': 'std_msgs/msg/String',
     'fsm/mirror_pose': 'geometry_msgs/msg/PoseStamped',
     'fsm/mirror_velocity': 'geometry_msgs/msg/TwistStamped',
@@ -50,7 +59,7 @@ RECORDED = {
 _READ = (
     *(JOINT_STATES, COMMANDS, JOINT_COMMANDS, STATE, METRICS),
     *(POINTING_ERROR, POINTING_REFERENCE, PHASE),
-    *(f'{METRICS}/{name}' for name in (*SCALARS, 'position')),
+    *(f'{METRICS}/{name}' for name in (*SCALARS, ARRAYS['position'])),
 )
 
 
@@ -63,6 +72,16 @@ def split(topic: str) -> tuple[str, str] | None:
         if topic.endswith(f'/{name}'):
             return topic[: -len(name) - 1], name
     return None
+
+
+def renamed(topic: str, node: str) -> str:
+    """Return a ``topic`` of the controller, or the simulator, where it is named ``node``."""
+    return f'{node}/{topic.partition("/")[2]}'
+
+
+def labels_in(message: Any) -> list[str]:
+    """Return the names of the numbers in a ``message`` on one of the `ARRAYS`."""
+    return [name for one in message.layout.dim for name in one.label.split(',') if name]
 
 
 def is_read(topic: str) -> bool:

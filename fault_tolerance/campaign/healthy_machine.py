@@ -32,6 +32,9 @@ from fault_tolerance.mechanism.parts import EncoderSide
 MOTIONS = ('rest', 'circle', 'raster', 'lissajous', 'steps')
 """What it may follow."""
 
+READINGS = 10
+"""Readings, at least, in a period of the fastest motion."""
+
 POINTING = 0.2
 """Seconds with which a pointing loop takes out a step."""
 
@@ -154,7 +157,8 @@ def _motion(rng: np.random.Generator, count: int, period: float) -> FloatArray:
     """Return two angles (count, 2), radians, of one of the `MOTIONS`."""
     kind = str(rng.choice(MOTIONS))
     amplitude = 10.0 ** rng.uniform(-5.0, -2.5)
-    frequency = 10.0 ** rng.uniform(-2.0, 0.3)
+    # Drives that lag by a reading are half as fast as they are told where three make a period.
+    frequency = min(10.0 ** rng.uniform(-2.0, 0.3), 1.0 / (3.0 * READINGS * period))
     time = period * np.arange(count)
     phase = 2.0 * pi * frequency * time
     if kind == 'rest':

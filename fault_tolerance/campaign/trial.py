@@ -94,7 +94,7 @@ class Bench:
             error_rms=watched.major_error_rms,
             healthy_error_rms=self._healthy.major_error_rms,
             peak_force=max(self._peak_force(one) for one in (first, after, watched)),
-            recovery_time_us=1e6 * loop.supervisor.output.recovery_time,
+            recovery_time_us=1e6 * loop.supervisor.output.reconfiguration_time,
             seed=seed,
         )
 

@@ -12,6 +12,7 @@ from math import isfinite
 import numpy as np
 
 from fault_tolerance.control.joint_states import unusable
+from fault_tolerance.control.observability import is_determined, silent_drives
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.compilation import Kernel
@@ -134,6 +135,8 @@ class Estimate:
         Why these readings must not be acted on; empty if they may.
     tolerated : bool
         Whether the mechanism, with its failures, can do its task here.
+    determined : bool
+        Whether the readings there are say where it is.
     """
 
     model: ControlModel
@@ -144,6 +147,7 @@ class Estimate:
     located: bool = False
     obstacle: str = ''
     tolerated: bool = True
+    determined: bool = True
 
     def __repr__(self) -> str:
         """Return the mechanism, its failures and its mobility."""
@@ -262,20 +266,34 @@ def estimate(
     packed, numbers = model.packed, np.empty(model.size)
     model.kernel.estimate(packed.counts, packed.numbers, flags, before.numbers, values, numbers)
     numbers.setflags(write=False)
-    obstacle = ''
-    # After a clearing, the strut that was lost may not have been read yet.
-    unread = None if isfinite(values.dot(values)) else unusable(
-        model.mechanism, values, failures.lost
-    )
-    if unread is not None:
-        obstacle = unread.text
-    elif not numbers[at.CLOSED]:
-        obstacle = 'the loops do not close at these joint values'
-    elif numbers[at.CONTRADICTORY]:
-        limit = model.settings.misfit_limit * model.mechanism.characteristic_length
-        obstacle = f'joint readings contradict each other by {numbers[at.MISFIT]:.2g} m'
-        obstacle += f' (limit {limit:.2g} m)'
+    unread, determined = None, True
+    if not isfinite(values.dot(values)):
+        # After a clearing, the strut that was lost may not have been read yet.
+        unread = unusable(model.mechanism, values, failures.parts)
+        places, determined = model.view.chains.strut, before.determined
+        silent = silent_drives(values, places, flags)
+        known = failures is before.failures
+        if not known or (silent != silent_drives(before.readings, places, flags)).any():
+            place = Estimate(model, failures, flags, values, numbers).configuration
+            least = model.settings.tolerance_threshold
+            determined = is_determined(place, failures, values, least)
+    obstacle = unread.text if unread is not None else _obstacle(model, numbers, determined)
     # Where nothing is known of the place, nothing is judged.
     located = bool(numbers[at.LOCATED])
     tolerated = bool(not located or numbers[at.VERDICT] == at.TOLERATED)
-    return Estimate(model, failures, flags, values, numbers, located, obstacle, tolerated)
+    return Estimate(
+        model, failures, flags, values, numbers, located, obstacle, tolerated, determined
+    )
+
+
+def _obstacle(model: ControlModel, numbers: FloatArray, determined: bool) -> str:
+    """Return why readings that can be used must not be acted on; empty if they may."""
+    if not determined:
+        return 'failed drives without a reading: the others do not say where it is'
+    if not numbers[at.CLOSED]:
+        return 'the loops do not close at these joint values'
+    if not numbers[at.CONTRADICTORY]:
+        return ''
+    limit = model.settings.misfit_limit * model.mechanism.characteristic_length
+    return (f'joint readings contradict each other by {numbers[at.MISFIT]:.2g} m'
+            f' (limit {limit:.2g} m)')

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
 from fault_tolerance.control.failure_reports import STALE, Report, Statement, interpret
@@ -87,6 +87,8 @@ class FailureLedger:
         self._report_timeout = report_timeout
         self._entries: dict[_Source, _Entry] = {}
         self._cleared_at: float | None = None
+        self.heard = -inf
+        """When a part of the mechanism was last reported on, seconds."""
         self.failures = FailureSet()
         self.stop_reason = ''
         """Why the reports demand a stop by themselves; empty if they do not."""
@@ -96,6 +98,8 @@ class FailureLedger:
         before = (self.failures, self.stop_reason)
         notices: list[Notice] = []
         message = self._statements(reports, now, notices)
+        if message:
+            self.heard = now
         news = [source for source, said in message.items() if self._latch(source, *said, notices)]
         if news:
             self._refresh()
@@ -119,7 +123,7 @@ class FailureLedger:
 
     def restart_clock(self, now: float) -> None:
         """Forget times later than ``now`` (s): the clock was set back."""
-        self._cleared_at = None
+        self._cleared_at, self.heard = None, min(self.heard, now)
         for source, entry in self._entries.items():
             self._entries[source] = entry._replace(heard=min(entry.heard, now))
 
@@ -144,7 +148,7 @@ class FailureLedger:
             # A late report that a part is healthy is still true.
             if statement.mode is not FailureMode.NONE and self._came_late(stamp, now):
                 text = f'{report.target} {report.mode}: reported before the last clear'
-                notices.append(Notice('before_clear', clean(text)))
+                notices.append(Notice('before_clear', clean(text), part=report.target or ''))
                 continue
             source = self._place(report.source, statement)
             earlier = message.get(source)
@@ -178,7 +182,7 @@ class FailureLedger:
         if entry and not entry.healed:
             self._entries[source] = entry._replace(healed=True)
             text = f'{entry.statement.text} is reported healthy, but stays until it is cleared'
-            notices.append(Notice('latched', text, rejected=False))
+            notices.append(Notice('latched', text, False, statement.target))
         return False
 
     def _refresh(self) -> None:
@@ -204,7 +208,7 @@ class FailureLedger:
                 words = ' and '.join(sorted(mode.value for mode in found))
                 used = self.failures.mode_of(self._mechanism, name).value
                 text = f'{name} is reported as {words} in one message: {used} is used'
-                yield Notice('conflicting_modes', text, rejected=False)
+                yield Notice('conflicting_modes', text, False, name)
 
     def _meant(self, statement: Statement) -> tuple[str, ...]:
         """Return the actuators a statement is about."""

@@ -10,7 +10,7 @@ hardware id is the name of an actuator or a strut, alone or behind a prefix: ``s
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from fault_tolerance.control.notices import Notice, clean
@@ -62,17 +62,27 @@ class Statement(NamedTuple):
         return f'{self.target} ({self.mode.value if self.mode else self.word})'
 
 
-def target_of(hardware_id: str, prefix: str, names: Collection[str]) -> str | None:
-    """Return the one of ``names`` (actuators and struts) that ``hardware_id`` stands for.
+def part_names(mechanism: Mechanism) -> dict[str, str]:
+    """Return the actuator or strut of ``mechanism`` by each hardware id that stands for it.
 
-    None where it names none of them, or carries the prefix of another robot than ``prefix``.
+    That is its own name, and for an actuator that of its joint in joint states, where no other
+    part is named so.
+    """
+    joints = zip(mechanism.joint_state_names, mechanism.actuator_names, strict=True)
+    parts = (*mechanism.actuator_names, *mechanism.strut_names)
+    return {**dict(joints), **{name: name for name in parts}}
+
+
+def target_of(hardware_id: str, prefix: str, names: Mapping[str, str]) -> str | None:
+    """Return the actuator or strut, of ``names`` by hardware id, that ``hardware_id`` means.
+
+    None where it means none of them, or carries the prefix of another robot than ``prefix``.
     """
     if hardware_id in names:
-        return hardware_id
+        return names[hardware_id]
     if is_foreign(hardware_id, prefix):
         return None
-    name = hardware_id.rpartition('/')[2]
-    return name if name in names else None
+    return names.get(hardware_id.rpartition('/')[2])
 
 
 def is_foreign(hardware_id: str, prefix: str) -> bool:
@@ -93,7 +103,7 @@ def report_of(
     stamp: float | None,
     *,
     prefix: str,
-    names: Collection[str],
+    names: Mapping[str, str],
 ) -> Report | None:
     """Return the report a diagnostic status makes.
 
@@ -132,24 +142,24 @@ def interpret(
         mode = mode_from_word(word)
     except FailureError as error:
         stops = stop_on_unknown_mode and report.level >= ERROR
-        notice = Notice('unknown_mode', f'{target}: {error}')
+        notice = Notice('unknown_mode', f'{target}: {error}', part=target)
         return Statement(target, None, word) if stops else None, (notice,)
     statement = Statement(target, mode, word)
     try:
         failure_set(mechanism, [(mode, target)])
     except FailureError as error:
-        return None, (Notice('refused_mode', f'{statement.text}: {error}'),)
+        return None, (Notice('refused_mode', f'{statement.text}: {error}', part=target),)
     return statement, _level_notices(report, statement)
 
 
 def _level_notices(report: Report, statement: Statement) -> tuple[Notice, ...]:
     if report.level not in (OK, WARN, ERROR):
         text = f'{statement.text} came with level {report.level}, taken as ERROR (2)'
-        return (Notice('odd_level', text, rejected=False),)
+        return (Notice('odd_level', text, False, statement.target),)
     if report.level == OK and statement.mode is not FailureMode.NONE:
         text = (
             f'{statement.text} came with level OK and is applied; on a command line write '
             '`level: [2]`, as `level: 2` arrives as 0'
         )
-        return (Notice('level_ok', text, rejected=False),)
+        return (Notice('level_ok', text, False, statement.target),)
     return ()

@@ -34,18 +34,33 @@ class InputWatchdog:
 
         ``stamp`` (s) is when it was measured or asked for; None and what is ahead count as now.
         """
-        given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
+        notice = self.late(now, stamp)
+        if notice is None:
+            self.take(value, now, stamp)
+        return notice
+
+    def late(self, now: float, stamp: float | None) -> Notice | None:
+        """Return why what was measured at ``stamp`` (s, see `offer`) is too old ``now`` (s)."""
+        given = _given(now, stamp)
         if now - given > self._timeout:
             text = f'{self._name} is {now - given:.3f} s old on arrival; ignored'
             return Notice(f'stale_{self._key}', text)
         if self._ordered and given < self._stamp:
             text = f'{self._name} is {self._stamp - given:.3f} s older than the last; ignored'
             return Notice(f'old_{self._key}', text)
-        self.value, self._stamp, self.deadline = value, given, now + self._timeout
         return None
+
+    def take(self, value: FloatArray, now: float, stamp: float | None) -> None:
+        """Take ``value``, which is not `late` ``now`` (s), measured at ``stamp`` (s)."""
+        self.value, self._stamp = value, _given(now, stamp)
+        self.deadline = now + self._timeout
 
     def restart_clock(self) -> None:
         """Let the value be stale until the next one: the clock was set back."""
         self._stamp = -inf
         if self.value is not None:
             self.deadline = -inf
+
+
+def _given(now: float, stamp: float | None) -> float:
+    return now if stamp is None or not isfinite(stamp) else min(stamp, now)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.parts import Actuator
 
 LARGEST_VALUE = 1e6
 """Radians or metres; beyond it no reading is one, and squares of it would lose their meaning."""
@@ -22,43 +24,85 @@ class Readings(NamedTuple):
     """The outcome of reading one joint state."""
 
     values: FloatArray | None
-    """(N,): joint values in the mechanism's order, NaN at joints of lost struts without a reading;
-    None where the message as a whole cannot be used."""
+    """(N,): joint values in the mechanism's order, NaN where there is no reading; None where there
+    is nothing to go by yet, or the message as a whole cannot be used."""
     notice: Notice | None = None
-    """Why not."""
+    """Why not; None too where it has no joint of the mechanism."""
 
 
 class JointStateReader:
     """Reads the joint states of ``mechanism``.
 
-    Where the joints stand in a message is found once: a publisher keeps their order.
+    Where the joints stand in a message is found once: a publisher keeps their order. Messages that
+    have some of the joints each are put together, from readings at most ``timeout`` seconds old:
+    once all have come anew, or one of them comes again before the others.
     """
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self._mechanism = mechanism
+    def __init__(self, mechanism: Mechanism, timeout: float = 0.1) -> None:
+        self._mechanism, self._timeout = mechanism, timeout
         self._names: list[str] = []
         self._places: IntArray = np.zeros(0, dtype=np.intp)
         count = len(mechanism.actuators)
         self._homes = mechanism.readings_from_values(np.zeros(count))
         self._signs = mechanism.rates_from_readings(np.ones(count))
+        self._newest, self._heard = np.full(count, np.nan), np.full(count, -inf)
+        self._fresh = np.zeros(count, bool)
+        self.in_parts = False
+        """Whether a message has had some of the joints only."""
 
     def readings(
-        self, names: Sequence[str], positions: Sequence[float], lost: Collection[str] = ()
+        self,
+        names: Sequence[str],
+        positions: Sequence[float],
+        failed: Collection[str] = (),
+        now: float = 0.0,
     ) -> Readings:
-        """Return `joint_readings` of ``names``, ``positions`` and ``lost``, faster if repeated."""
+        """Return the joint values that are complete with one more joint state.
+
+        Parameters
+        ----------
+        names, positions : sequences
+            See `joint_readings`.
+        failed : collection of str
+            Actuators and struts whose joints may be without a reading.
+        now : float
+            Seconds.
+
+        Returns
+        -------
+        Readings
+        """
         if names == self._names and len(positions) == len(names):
             encoders = np.array(positions, dtype=np.float64).take(self._places)
             values = self._signs * (encoders - self._homes)
             if not np.maximum.reduce(np.abs(values)) <= LARGEST_VALUE:  # or NaN
-                notice = unusable(self._mechanism, values, lost)
+                notice = unusable(self._mechanism, values, failed)
                 return Readings(None if notice else values, notice)
             return Readings(values)
-        found = joint_readings(self._mechanism, names, positions, lost)
+        found, part = _read(self._mechanism, names, positions, failed)
+        if part is not None:
+            return self._put_together(part, found.notice, failed, now)
         wanted = self._mechanism.joint_state_names
         if found.values is not None and set(wanted) <= set(names):
             self._names = list(names)
             self._places = np.array([self._names.index(name) for name in wanted], dtype=np.intp)
         return found
+
+    def _put_together(
+        self, part: FloatArray, missing: Notice | None, failed: Collection[str], now: float
+    ) -> Readings:
+        """Return what is known with one more part of the readings."""
+        self.in_parts, given = True, ~np.isnan(part)
+        again = bool((self._fresh & given).any())
+        self._newest[given], self._heard[given] = part[given], now
+        current = now - self._heard <= self._timeout
+        needed = np.array([not _may_lack(one, failed) for one in self._mechanism.actuators])
+        complete = bool(current[needed].all())
+        whole = complete and bool((self._fresh | given)[needed].all())
+        self._fresh = np.zeros_like(given) if whole else given if again else self._fresh | given
+        if whole or (again and complete):
+            return Readings(np.where(current, self._newest, np.nan))
+        return Readings(None, missing if again else None)
 
     def efforts(self, names: Sequence[str], efforts: Sequence[float]) -> FloatArray | None:
         """Return what the actuators push with (N,), positive along their joints.
@@ -87,41 +131,53 @@ def joint_readings(
     mechanism: Mechanism,
     names: Sequence[str],
     positions: Sequence[float],
-    lost: Collection[str] = (),
+    failed: Collection[str] = (),
 ) -> Readings:
     """Return the joint values of ``mechanism`` that a joint state gives.
 
     ``names`` are in any order, and those of other machines are ignored; ``positions`` are what the
-    encoders read, rad or m. Joints of the ``lost`` struts may be missing, or not finite.
+    encoders read, rad or m. Joints of the ``failed`` actuators and struts may be missing, or not
+    finite.
     """
+    return _read(mechanism, names, positions, failed)[0]
+
+
+def _read(
+    mechanism: Mechanism,
+    names: Sequence[str],
+    positions: Sequence[float],
+    failed: Collection[str],
+) -> tuple[Readings, FloatArray | None]:
+    """Return `joint_readings`, and what there is (N,) where some joints are missing."""
     if not len(names):
-        return Readings(None, Notice('empty_joint_state', ''))
+        return Readings(None, Notice('empty_joint_state', '')), None
     if len(names) != len(positions):
         text = f'joint state has {len(names)} names but {len(positions)} positions'
-        return Readings(None, Notice('length', text))
+        return Readings(None, Notice('length', text)), None
     found = dict(zip(names, positions, strict=True))
     if len(found) != len(names):
         doubled = [name for name in mechanism.joint_state_names if list(names).count(name) > 1]
         if doubled:
             text = f'joint state names {", ".join(doubled)} twice'
-            return Readings(None, Notice('doubled_joint', text))
-    missing = [
-        one.joint_state_name for one in mechanism.actuators
-        if one.joint_state_name not in found and not _is_lost(one.strut, lost)
-    ]
-    if missing:
-        text = f'joint state lacks {", ".join(missing)}'
-        return Readings(None, Notice('missing_joint', text))
+            return Readings(None, Notice('doubled_joint', text)), None
+    if not any(name in found for name in mechanism.joint_state_names):
+        return Readings(None), None
     encoders = [found.get(name, np.nan) for name in mechanism.joint_state_names]
     values = mechanism.values_from_readings(np.array(encoders, dtype=np.float64))
-    notice = unusable(mechanism, values, lost)
-    return Readings(None if notice else values, notice)
+    absent = [one for one in mechanism.actuators if one.joint_state_name not in found]
+    missing = [one.joint_state_name for one in absent if not _may_lack(one, failed)]
+    notice = unusable(mechanism, values, [*failed, *(one.name for one in absent)])
+    if missing and notice is None:
+        text = f'joint state lacks {", ".join(missing)}'
+        return Readings(None, Notice('missing_joint', text)), values
+    return Readings(None if notice else values, notice), None
 
 
-def unusable(mechanism: Mechanism, values: FloatArray, lost: Collection[str]) -> Notice | None:
+def unusable(mechanism: Mechanism, values: FloatArray, failed: Collection[str]) -> Notice | None:
     """Return why the joint ``values`` (N,) of ``mechanism`` cannot be used; None if they can.
 
-    Only joints of the ``lost`` struts may be without a finite value of a possible size.
+    Only joints of the ``failed`` actuators and struts may be without a finite value of a possible
+    size.
     """
     if values.shape != (len(mechanism.actuators),):
         text = f'joint values of shape {values.shape} for {len(mechanism.actuators)} actuators'
@@ -133,12 +189,13 @@ def unusable(mechanism: Mechanism, values: FloatArray, lost: Collection[str]) ->
     bad = [
         mechanism.joint_state_names[index]
         for index in np.flatnonzero(~usable)
-        if not _is_lost(mechanism.actuators[index].strut, lost)
+        if not _may_lack(mechanism.actuators[index], failed)
     ]
     if not bad:
         return None
     return Notice('not_finite', f'the position of {", ".join(bad)} is not a finite, sane number')
 
 
-def _is_lost(strut: str, lost: Collection[str]) -> bool:
-    return bool(strut) and strut in lost
+def _may_lack(actuator: Actuator, failed: Collection[str]) -> bool:
+    """Return whether an ``actuator`` may be without a reading."""
+    return actuator.name in failed or actuator.strut in failed

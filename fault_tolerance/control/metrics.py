@@ -6,15 +6,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isnan
+from math import isfinite, isnan
 
 import numpy as np
 
-from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.control.notices import clean
 from fault_tolerance.control.output import Output
-from fault_tolerance.control.plausibility import Plausibility
 from fault_tolerance.control.state_machine import State
+from fault_tolerance.control.watch import Watch
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.kinematics.measures import measure_bounds, motion_quality, worst_failure
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -49,8 +48,7 @@ class Metrics:
     message: str
     """A sentence for a person."""
     level: int
-    """Diagnostic level: OK nominal, WARN tolerated, ERROR not tolerated, STALE an input is
-    lost."""
+    """As `Output.level`."""
     failures: tuple[str, ...]
     """As ``position:theta_4``."""
     mobility: int = 0
@@ -78,14 +76,23 @@ class Metrics:
     failure, clearing or resumption, m/s."""
     out_of_range: tuple[str, ...] = ()
     """Actuators whose readings lie beyond their strokes."""
+    sensorless: tuple[str, ...] = ()
+    """Actuators that have failed, and whose encoders say nothing."""
     flexure_strain: float = 0.0
     """Metres."""
     misfit: float = 0.0
     """By how much the redundant joint readings contradict each other at most, metres."""
-    recovery_time: float = 0.0
-    """Seconds."""
+    reconfiguration_time: float = 0.0
+    """Seconds of computing, from the last report that changed anything to its command."""
+    time_since_report: float | None = None
+    """Seconds since a part was last reported on; None before there was a report."""
+    internal_force: float | None = None
+    """The largest force of the drives against each other, N; None where it is not known."""
+    tracking_error: float = 0.0
+    """The largest difference of rates commanded and measured, m/s."""
     worst_next: str = ''
-    """The next single failure that hurts most, as ``torque:theta_1``; empty if none is left."""
+    """The next single failure that hurts most, as ``torque:theta_1``; empty if none is left, and
+    while it is stopped."""
     worst_next_measure: float = 0.0
     position_tolerance: float = 0.0
     torque_tolerance: float = 0.0
@@ -95,13 +102,14 @@ class Metrics:
     struts: tuple[StrutMetrics, ...] = ()
 
 
-def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
-    """Return the metrics that go with ``output``, and with what ``plausibility`` has found.
+def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
+    """Return the metrics that go with ``output``, and with what ``watch`` has found.
 
-    State and message only, before anything is known or where the measures fail.
+    ``since_report`` is the seconds since the last report, infinite if there was none. State and
+    message only, before anything is known or where the measures fail.
     """
     state, estimate = output.state.value, output.estimate
-    message, level = state, _level(output)
+    message, level = state, output.level
     failures = tuple(str(failure) for failure in output.failures.failures)
     try:
         message = f'{state}: {output.reason}'
@@ -116,6 +124,8 @@ def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
     count = len(mechanism.actuators)
     position, torque, hard = np.split(values[3:], [count, 2 * count])
     worst, worst_measure = worst_failure(mechanism, position, torque, hard)
+    if output.state is State.STOPPED:
+        worst, worst_measure = None, 0.0
     return Metrics(
         state=state,
         message=message,
@@ -135,10 +145,14 @@ def metrics_of(output: Output, plausibility: Plausibility) -> Metrics:
         secondary_scale=command.secondary_scale,
         major_jump=command.major_jump,
         rate_jump=command.rate_jump,
-        out_of_range=plausibility.out_of_range,
+        out_of_range=watch.out_of_range,
+        sensorless=output.sensorless,
         flexure_strain=estimate.flexure_strain,
         misfit=estimate.misfit,
-        recovery_time=output.recovery_time,
+        reconfiguration_time=output.reconfiguration_time,
+        time_since_report=since_report if isfinite(since_report) else None,
+        internal_force=watch.internal_force if isfinite(watch.internal_force) else None,
+        tracking_error=watch.tracking_error,
         worst_next=str(worst or ''),
         worst_next_measure=worst_measure,
         position_tolerance=_least(position),
@@ -180,16 +194,6 @@ def _struts(output: Output, hard: FloatArray) -> tuple[StrutMetrics, ...]:
         )
         for name, h in zip(names, hard.tolist(), strict=True)
     )
-
-
-def _level(output: Output) -> int:
-    if output.state is State.STOPPED:
-        return ERROR
-    if output.input_lost:
-        return STALE
-    if output.failures or output.state is State.HOLD or output.warnings:
-        return WARN
-    return OK
 
 
 def _known(value: float) -> float | None:

@@ -16,11 +16,14 @@ class Notice:
     """A remark about one input."""
 
     reason: str
-    """A short key such as ``'not_finite'``; a shell counts by it and throttles its log by it."""
+    """A short key such as ``'not_finite'``; a shell counts by it."""
     text: str
     """One line for a person; empty where there is nothing worth a line."""
     rejected: bool = True
     """Whether the input was left aside (else it was used, and this is a warning)."""
+    part: str = ''
+    """The actuator or strut it is about, if it is about one; a shell throttles its log by reason
+    and part."""
 
 
 def clean(text: str, limit: int = LONGEST_TEXT) -> str:

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 from fault_tolerance.control.estimate import Estimate
 from fault_tolerance.control.failure_ledger import LedgerClear
+from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.resolved_rate import RateCommand
 from fault_tolerance.control.state_machine import MOVING, Decision, State
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.verdict import failures_in_words
-from fault_tolerance.mechanism.arrays import FloatArray, frozen
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.mechanism.configuration import Configuration
 
 
@@ -36,9 +37,11 @@ class Output:
     """Why nothing is asked for; empty if something is."""
     input_lost: bool
     """Whether joint states that were there, or are waited for, are missing."""
-    recovery_time: float
+    reconfiguration_time: float
     """Seconds from the last failure report that changed anything to the end of the step that
     followed it; 0 before there was one, or without a clock."""
+    silent: BoolArray
+    """(N,): actuators that have failed, not with their struts, and whose encoders say nothing."""
     warnings: tuple[Notice, ...]
     """What readings contradict, as far as `Supervisor.watch` has found it."""
 
@@ -67,6 +70,18 @@ class Output:
         return self.decision.state
 
     @property
+    def level(self) -> int:
+        """The diagnostic level: OK nominal, WARN degraded and hold, ERROR stopped, STALE no input.
+
+        A warning makes it WARN at least.
+        """
+        if self.state is State.STOPPED:
+            return ERROR
+        if self.input_lost:
+            return STALE
+        return OK if self.state is State.NOMINAL and not self.warnings else WARN
+
+    @property
     def reason(self) -> str:
         """Why it is in this state, and what else there is to know: a sentence."""
         parts = [str(self.decision.reason)]
@@ -78,6 +93,21 @@ class Output:
         if self.failures and self.state in (State.WAITING, State.HOLD):
             parts.append(failures_in_words(self.failures))
         return '; '.join([*parts, *(notice.text for notice in self.warnings)])
+
+    @property
+    def standstill(self) -> str:
+        """Why nothing moves although something is asked for; empty if it is not so."""
+        if self.state not in MOVING or self.idle or not self.asked.any() or self.rates.any():
+            return ''
+        if self.saturation:
+            return f'nothing moves: {", ".join(self.saturation)} at the end of the stroke'
+        return 'nothing moves: what is asked for is outside what the mechanism can do'
+
+    @property
+    def sensorless(self) -> tuple[str, ...]:
+        """Actuators that have failed, and whose encoders say nothing."""
+        names = self.estimate.model.mechanism.actuator_names
+        return tuple(name for name, yes in zip(names, self.silent.tolist(), strict=True) if yes)
 
     @property
     def saturation(self) -> tuple[str, ...]:

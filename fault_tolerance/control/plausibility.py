@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether joint readings can be true: within the strokes of the mechanism file."""
+"""What is strange about a step: readings beyond the strokes, and a task that moves nothing."""
 
 from __future__ import annotations
 
@@ -22,19 +22,23 @@ class Plausibility:
         stroke = limits[:, 1] - limits[:, 0]
         margin = OVERSHOOT * np.where(np.isfinite(stroke), stroke, 0.0)
         self._lowest, self._highest = limits[:, 0] - margin, limits[:, 1] + margin
+        self._values: FloatArray | None = None
+        self._beyond: tuple[Notice, ...] = ()
         self.out_of_range: tuple[str, ...] = ()
         """Actuators whose readings lie beyond their strokes."""
         self.notices: tuple[Notice, ...] = ()
-        """The same as warnings."""
+        """The same as warnings, for as long as it lasts."""
 
-    def observe(self, values: FloatArray) -> None:
-        """Take the joint ``values`` (N,), NaN in lost struts."""
+    def observe(self, values: FloatArray) -> tuple[Notice, ...]:
+        """Take the joint ``values`` (N,), NaN in lost struts; return a notice if any is news."""
         outside = _named(self._names, (values < self._lowest) | (values > self._highest))
         if outside == self.out_of_range:
-            return
-        self.out_of_range = outside
+            return ()
         text = f'{", ".join(outside)}: beyond the stroke in the mechanism file'
         self.notices = (Notice('out_of_range', text, rejected=False),) if outside else ()
+        news = self.notices if set(outside) - set(self.out_of_range) else ()
+        self.out_of_range = outside
+        return news
 
 
 def _named(names: tuple[str, ...], chosen: BoolArray) -> tuple[str, ...]:

@@ -51,6 +51,10 @@ class Settings:
     misfit_limit : float
         Characteristic lengths by which redundant joint readings may contradict each other
         before it holds.
+    internal_force_limit, tracking_error_limit, saturation_limit : float
+        N, m/s and s: above them there is a warning, for the force of the drives against each
+        other, for the difference of rates commanded and measured, and for how long an actuator
+        has been at a limit; 0: no limit.
     clock : callable, optional
         Returns seconds; measures the time a recovery takes. 0 s are given without it.
     """
@@ -67,6 +71,9 @@ class Settings:
     hold_below: float = 5e-4
     max_acceleration: float = 10.0
     misfit_limit: float = 5e-3
+    internal_force_limit: float = 0.0
+    tracking_error_limit: float = 0.0
+    saturation_limit: float = 0.0
     clock: Callable[[], float] | None = None
 
     def __post_init__(self) -> None:
@@ -83,6 +90,10 @@ class Settings:
             value = getattr(self, name)
             if not (isfinite(value) and value > 0.0):
                 raise ValueError(f'{name}: {value} is not a positive number')
+        for name in ('internal_force_limit', 'tracking_error_limit', 'saturation_limit'):
+            value = getattr(self, name)
+            if not (isfinite(value) and value >= 0.0):
+                raise ValueError(f'{name}: {value} is not a number from 0 on')
         if not 0.0 <= self.tolerance_threshold <= 1.0:
             raise ValueError(f'tolerance_threshold: {self.tolerance_threshold} is not in [0, 1]')
         if not 0.0 < self.hold_below < self.slow_below < 1.0:

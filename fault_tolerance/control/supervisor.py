@@ -11,10 +11,11 @@ time: estimate, resolve, ease, limit, decide.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
+from math import inf, nan
 
 import numpy as np
 
+from fault_tolerance.control.continuity import Continuity
 from fault_tolerance.control.estimate import control_model, estimate
 from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
@@ -23,10 +24,10 @@ from fault_tolerance.control.joint_states import LARGEST_VALUE, unusable
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
-from fault_tolerance.control.plausibility import Plausibility
 from fault_tolerance.control.resolved_rate import no_command, rate_command, resting
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, Reason, StateMachine
+from fault_tolerance.control.watch import Watch
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.kernel.compilation import Kernel, announced_kernel
 from fault_tolerance.kinematics.failures import FailureSet
@@ -36,7 +37,8 @@ from fault_tolerance.mechanism.description import Mechanism
 MOST_ERRORS = 3
 """Internal errors in a row after which the controller stops."""
 
-_WAITING = 'no joint state yet'
+WAITING = 'no joint state yet'
+"""Why the state is waiting."""
 
 
 class Supervisor:
@@ -81,7 +83,8 @@ class Supervisor:
         self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
         self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
-        self._plausibility = Plausibility(mechanism)
+        self._watch = Watch(mechanism, self.settings)
+        self._continuity = Continuity(mechanism, self.settings.joint_state_timeout)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
         self._beside: tuple[FloatArray, FailureSet] | None = None
@@ -90,9 +93,7 @@ class Supervisor:
         self._errors = 0
         self._now = -inf
         self._reported_at: float | None = None
-        self._recovery_time = 0.0
-        # What is watched after the command: the readings it was made from.
-        self._unwatched: FloatArray | None = None
+        self._reconfiguration_time = 0.0
         self.output = self.step(-inf)
 
     @property
@@ -119,7 +120,7 @@ class Supervisor:
         ----------
         values : (N,) array
             In the mechanism's order, counted from home; NaN where there is no reading, which
-            only joints of lost struts may lack.
+            only joints that have failed may lack.
         now : float
             Seconds.
         stamp : float, optional
@@ -130,16 +131,18 @@ class Supervisor:
         Notice or None
             Why the values were rejected; the last good ones then stand until they are stale.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         taken = np.array(values, dtype=np.float64)
         taken.setflags(write=False)
-        notice = None
+        failures, notice = self._ledger.failures, None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
-            notice = unusable(self.mechanism, taken, self._ledger.failures.lost)
-        notice = notice or self._readings.offer(taken, now, stamp)
+            notice = unusable(self.mechanism, taken, failures.parts)
+        notice = notice or self._readings.late(now, stamp)
         if notice is None:
+            moving = self.output.state in MOVING
+            taken, notice = self._continuity.followed(taken, now, stamp, failures, moving)
+        if notice is None:
+            self._readings.take(taken, now, stamp)
             self._outdated = self._unread = True
         return notice
 
@@ -186,6 +189,7 @@ class Supervisor:
         """
         self._pass_time(now)
         cleared = self._ledger.clear(now)
+        self._continuity.forget()
         self._outdated = True
         self._errors = 0
         was_stopped = self._machine.release()
@@ -206,11 +210,13 @@ class Supervisor:
     def pause(self, paused: bool, now: float) -> None:
         """Hold from ``now`` on while ``paused``."""
         self._pass_time(now)
+        self._continuity.forget()
         self._paused = paused
 
     def forget_times(self, now: float) -> None:
         """Wait for fresh inputs: the clock they are stamped by was set back to ``now``."""
         self._readings.restart_clock()
+        self._continuity.forget()
         self._velocity.restart_clock()
         self._ledger.restart_clock(now)
 
@@ -219,9 +225,7 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         ledger, readings, velocity = self._ledger, self._readings, self._velocity
         failures, before, settings = ledger.failures, self._command, self.settings
         command = None
@@ -241,19 +245,19 @@ class Supervisor:
                     self._base, self._unread = found, False
                 base, values = self._base, readings.value
                 found = self._estimate = estimate(self._model, base, values, failures)
-                if self._outdated:
-                    self._unwatched, self._outdated = found.readings, False
+                self._outdated = False
             degraded = found if failures.stuck or failures.free or failures.lost else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
-            hold: Reason = 'paused' if self._paused else found.obstacle
-            if stale and not self._paused:
+            hold: Reason = 'paused' if self._paused else self._continuity.doubt(now)
+            if stale and not hold:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
+            hold = hold or found.obstacle
             if not (hold or found.tolerated or degraded):
                 hold = found
             if found.located and not (stop or hold or self._machine.stop):
                 command = rate_command(self._model, found, asked, before, now)
                 hold = command.obstacle
-            waiting = '' if found.located else _WAITING
+            waiting = '' if found.located else WAITING
             decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
@@ -267,31 +271,26 @@ class Supervisor:
             command = command.with_rates_beside(self._beside[0])
         self._command = command
         if self._reported_at is not None and settings.clock is not None:
-            self._recovery_time = settings.clock() - self._reported_at
+            self._reconfiguration_time = settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, asked, idle,
-            stale or readings.value is None, self._recovery_time, self._plausibility.notices,
+            stale or readings.value is None, self._reconfiguration_time,
+            self._continuity.sensorless, self._watch.notices,
         )
         return self.output
 
-    def watch(self) -> tuple[Notice, ...]:
-        """Compare the readings of the last step with the strokes.
+    def watch(self, internal_force: float = nan) -> tuple[Notice, ...]:
+        """Return what is new to warn of after the last step, see `Watch`.
 
         To be called after the command is on its way; what it finds is in the next output.
-
-        Returns
-        -------
-        tuple of Notice
+        ``internal_force`` is in N; NaN: not known.
         """
-        if self._unwatched is not None:
-            self._plausibility.observe(self._unwatched)
-        self._unwatched = None
-        return self._plausibility.notices
+        return self._watch.observe(self._now, self.output, internal_force)
 
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
-        return metrics_of(self.output, self._plausibility)
+        return metrics_of(self.output, self._watch, self._now - self._ledger.heard)
 
     def _pass_time(self, now: float) -> None:
         if now < self._now:

@@ -31,6 +31,9 @@ from fault_tolerance.mechanism.description import Mechanism
 RELIEF_EVERY = 10
 """Readings from one look at the strain to the next."""
 
+RETEST = 5_000_000_000
+"""Nanoseconds after a clear in which a probe looks for what was found before."""
+
 LEAST_BREAKAWAYS = 5.0
 """Amplitude of a probe over how far drives stick: what sticks shows as a drive that is stuck."""
 
@@ -63,20 +66,16 @@ class Monitor:
         advance: Callable[..., float] = evidence.advance,
     ) -> None:
         self.settings = settings or MonitorSettings()
-        self.detector = Detector(
-            mechanism, self.settings.command_delay, advance, self.settings.breakaway
-        )
+        given = self.settings
+        self.detector = Detector(mechanism, given.command_delay, advance, given.breakaway)
         self._mechanism = mechanism
         self._stress: tuple[StrutRows | None, FailureSet, SelfStress] | None = None
         self._failures = FailureSet()
         self._probe: Probe | None = None
-        self._wanted = False
+        self._wanted = self._moving = False
         self._relief = Relief(mechanism, self.settings.relief)
         self._periods: deque[float] = deque(maxlen=SAMPLES)
-        self._stamp = 0
-        self._readings = 0
-        self._probed = 0
-        self._moving = False
+        self._stamp = self._readings = self._probed = self._retest_until = 0
         self._values = np.full(len(mechanism.actuators), np.nan)
         self._isolability: dict[bool, tuple[object, Isolability]] = {}
         self.rates: FloatArray | None = None
@@ -105,7 +104,9 @@ class Monitor:
         return self.detector.suspicions[-1].asks_to_act(self._failures)
 
     def forget(self) -> None:
-        """Drop what has been found: the failures have been cleared."""
+        """Drop what has been found: the failures have been cleared. Who acts looks again."""
+        if self.settings.detect == 'act' and self.detector.suspicions:
+            self._retest_until = self._stamp + RETEST
         self.detector.forget()
 
     def observe(
@@ -183,11 +184,11 @@ class Monitor:
             return 'the stiffness of the drives is not in the mechanism file, nor probe_amplitude'
         if self._amplitude(stress) < LEAST_BREAKAWAYS * self.settings.breakaway:
             return 'the drives stick farther than a probe may go: see probe_force and breakaway'
-        low, high = (mechanism.rate_scale[:, None] * mechanism.position_limits).T
-        values, room = mechanism.rate_scale * self._values, CLEARANCE * self._amplitude(stress)
-        near = (values - low < room) | (high - values < room)
+        low, high = mechanism.position_limits.T
+        room = CLEARANCE * self._amplitude(stress) / mechanism.rate_scale
+        near = (self._values - low < room) | (high - self._values < room)
         if near.any():
-            names = [n for n, yes in zip(mechanism.actuator_names, near, strict=True) if yes]
+            names = [mechanism.actuator_names[i] for i in np.flatnonzero(near)]
             return f'too near the end of the stroke: {", ".join(names)}'
         return ''
 
@@ -205,7 +206,7 @@ class Monitor:
         detector = self.detector
         if detector.rows is None:
             return None
-        # Classes change with failures and sensors; the way across the workspace tells the same.
+        # Classes change with failures and sensors, not with the place.
         key = detector.known, detector.sensors
         if probe not in self._isolability or self._isolability[probe][0] != key:
             found = isolability(
@@ -232,9 +233,12 @@ class Monitor:
 
     def _is_due(self, stamp: int) -> bool:
         period = self.settings.probe_period
-        if not self._wanted and not 0.0 < 1e9 * period < stamp - self._probed:
+        due = self._wanted or stamp < self._retest_until
+        if not due and not 0.0 < 1e9 * period < stamp - self._probed:
             return False
         refusal = self.refusal()
+        if not refusal:
+            self._retest_until = 0
         if refusal and self._wanted:
             self.finding = refusal
         self._wanted = False

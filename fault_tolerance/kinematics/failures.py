@@ -83,7 +83,7 @@ class FailureSet:
                 raise FailureError(names, f'{key} is one text, expected several names')
             object.__setattr__(self, key, tuple(names))
         seen: set[str] = set()
-        for name in (*self.stuck, *self.free, *self.lost):
+        for name in self.parts:
             _require_name(name)
             if name in seen:
                 raise FailureError(name, 'named twice in one set of failures')
@@ -118,6 +118,11 @@ class FailureSet:
             *(Failure(FailureMode.TORQUE, name) for name in self.free),
             *(Failure(FailureMode.HARD, name) for name in self.lost),
         )
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The names of what has failed, actuators and struts."""
+        return (*self.stuck, *self.free, *self.lost)
 
     def of(self, mechanism: Mechanism) -> FailureSet:
         """Return this set in the order of ``mechanism``, without actuators in lost struts.

@@ -182,7 +182,7 @@ def _drives(section: Section, name: str, labels: tuple[str, ...]) -> dict[str, s
 
 _ACTUATOR_KEYS = (
     'position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake', 'encoder', 'stiffness',
-    'when_off',
+    'period', 'when_off',
 )
 
 

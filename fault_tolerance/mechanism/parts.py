@@ -54,6 +54,8 @@ class Actuator:
     """Of its hold on the joint, N/m or N m/rad; NaN where it is not known."""
     when_off: WhenOff = ''
     """What a drive without power is: driven by the others, or held; empty where nobody knows."""
+    period: float = inf
+    """After which its encoder reads the same again, rad or m; infinite where it counts on."""
 
     def __repr__(self) -> str:
         return f'Actuator({self.name!r}, {self.kind})'
@@ -75,6 +77,8 @@ class Actuator:
             raise MechanismError(self.name, 'when_off', f'{self.when_off!r} is not free or stuck')
         if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
             raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
+        if isnan(self.period) or not self.period > 0.0:
+            raise MechanismError(self.name, 'period', f'{self.period} is not positive')
         if self.sign not in (-1, 1):
             raise MechanismError(self.name, 'sign', f'{self.sign} is neither 1 nor -1')
         if not self.joint_state_name:

@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray
 from fault_tolerance.analysis import topics
 from fault_tolerance.commissioning.first_motion import LONGEST_GAP, FirstMotion
 from fault_tolerance.commissioning.jogs import Sample
-from fault_tolerance.control.failure_reports import ERROR, target_of
+from fault_tolerance.control.failure_reports import ERROR, part_names, target_of
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.notices import clean
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -47,7 +47,7 @@ class Commissioner(Node):
         self.motion: FirstMotion | None = None
         self._reader = JointStateReader(mechanism)
         self._timeline = TimeLine(self.get_clock())
-        self._parts = frozenset((*mechanism.actuator_names, *mechanism.strut_names))
+        self._parts = part_names(mechanism)
         self._stamp = 0
         self._commands = None
         self._joint_states = self.create_subscription(

@@ -10,7 +10,6 @@ metrics are published after the command (`fault_tolerance.nodes.spinning.Deferre
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import sys
@@ -20,14 +19,14 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
-from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.belief_publisher import BeliefPublisher
 from fault_tolerance.nodes.command_publisher import CommandPublisher
-from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.input_subscriber import InputSubscriber
 from fault_tolerance.nodes.kernel_startup import KernelStartup
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
@@ -39,14 +38,12 @@ from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settin
 from fault_tolerance.nodes.spinning import Deferred, run
 from fault_tolerance.nodes.status_publisher import StatusPublisher
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 
 NAME = 'fault_tolerance'
-WATCHDOG_PERIOD, METRICS_PERIOD = 0.01, 0.2
-COLLECTION_PERIOD = 5.0  # of garbage
+WATCHDOG_PERIOD = 0.01
 LATE = 3.0 * WATCHDOG_PERIOD  # after which messages may be pending unread
 STALL = 0.15  # between two watchdog ticks: counted
-
-_LEVELS = {State.NOMINAL: OK, State.DEGRADED: OK, State.STOPPED: ERROR}
 
 
 class Controller(Node):
@@ -62,17 +59,21 @@ class Controller(Node):
         supervisor = Supervisor(mechanism, _settings(values), startup.kernel)
         self._supervisor, self._startup = supervisor, startup
         self._stepped = self._excused = False
-        self._ticked = self._metrics_due = self._collection_due = timeline.now()
+        self._ticked = timeline.now()
         self._health = Health(self, timeline, 'controller', prefix, self._own_status)
         self._commands = CommandPublisher(self, mechanism, frame, timeline)
+        self._belief = BeliefPublisher(
+            self, supervisor, frame, values['marker_exaggeration'], self.deferred
+        )
         shared = timeline, self._health
         self._silent = SilentFailures(self, supervisor, values, prefix, *shared, self._cycle)
-        self._status = StatusPublisher(
-            self, supervisor, prefix, self.deferred, self._silent.values
-        )
         self._inputs = InputSubscriber(
             self, supervisor, frame, *shared, partial(self._cycle, answers=True),
-            self._silent.observe,
+            self._on_answered, self.deferred,
+        )
+        self._status = StatusPublisher(
+            self, supervisor, prefix, self.deferred, self._health, self._silent.values,
+            self._inputs.missing_joint_states,
         )
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
@@ -96,22 +97,13 @@ class Controller(Node):
         self._stepped = True
         answered = output.estimate.readings if answers else None
         self._silent.command(output.command.rates, answered)
-        for notice in self._supervisor.watch():
+        for notice in self._supervisor.watch(self._silent.monitor.internal_force):
             self._health.warn(notice)
-        self._publish_later(output, now)
+        self._status.update(output, now)
 
-    def _publish_later(self, output: Output, now: float) -> None:
-        """Defer what must not delay a command.
-
-        Periodic work starts right after a command, when most of the period is still ahead.
-        """
-        self._status.update(output)
-        if now >= self._metrics_due:
-            self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
-            self.deferred.add(self._status.publish_metrics)
-        if now >= self._collection_due:
-            self._collection_due = now + COLLECTION_PERIOD
-            self.deferred.add(gc.collect)
+    def _on_answered(self, message: JointState) -> None:
+        self._belief.observe(message)
+        self._silent.observe(message)
 
     def _on_reports(self, batch: Batch) -> None:
         now = self._timeline.now()
@@ -150,18 +142,13 @@ class Controller(Node):
             if self._commands.moving and not output.rates.any():
                 self._commands.publish(output.rates, output.achieved)
                 self._silent.command(output.rates)
-            self._publish_later(output, now)
+            self._status.update(output, now)
         self._stepped = False
 
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""
         self._inputs.check_publishers()
-        state = self._supervisor.output.state
-        if state is not State.WAITING:
-            return _LEVELS.get(state, WARN), state.value
-        if not self._status.discovering:
-            self._health.warn_once('waiting', self._inputs.missing_joint_states())
-        return WARN, self._inputs.missing_joint_states()
+        return self._status.present()
 
     def on_shutdown(self) -> None:
         """Stop the drives."""
@@ -175,6 +162,9 @@ def _settings(values: dict[str, Any]) -> Settings:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code('controller', __doc__, CONTROLLER, args)
+    if code is not None:
+        return code
     try:
         startup = KernelStartup()
     except KeyboardInterrupt:  # before `run` handles signals

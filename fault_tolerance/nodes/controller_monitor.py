@@ -22,6 +22,7 @@ from fault_tolerance.analysis.snapshot import Actuator, Snapshot, Strut, Suspect
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.operator_client import CONTROLLER
 
 ERRORS_KEPT = 300
 """Pointing errors in the sparkline: three seconds at 100 Hz."""
@@ -38,7 +39,7 @@ _UNITS = {'revolute': 'rad/s', 'prismatic': 'm/s'}
 _SHOWN = {
     'retained_manipulability': 'manipulability retained',
     'condition_number': 'condition number',
-    'recovery_time_us': 'recovery time, us',
+    'recovery_time_us': 'reconfiguration time, us',
 }
 
 
@@ -46,9 +47,12 @@ class ControllerMonitor:
     """Subscribes to one controller, in the namespace of ``node``, and summarises its state.
 
     ``mechanism`` is for limits and units; by default the shipped one that the controller names.
+    The controller's own name is ``controller``.
     """
 
-    def __init__(self, node: Node, mechanism: Mechanism | None = None) -> None:
+    def __init__(
+        self, node: Node, mechanism: Mechanism | None = None, controller: str = CONTROLLER
+    ) -> None:
         self._mechanism = mechanism
         self._namespace = node.get_namespace()
         self._state = ''
@@ -61,16 +65,23 @@ class ControllerMonitor:
         self._errors: deque[float] = deque(maxlen=ERRORS_KEPT)
         self._names: dict[str, list[str]] = {'position': [], 'hard': []}
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(String, topics.STATE, self._take_state, latched)
-        node.create_subscription(DiagnosticArray, topics.METRICS, self._take_metrics, 10)
+        state = topics.renamed(topics.STATE, controller)
+        metrics = topics.renamed(topics.METRICS, controller)
+        node.create_subscription(String, state, self._take_state, latched)
+        node.create_subscription(DiagnosticArray, metrics, self._take_metrics, 10)
         node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._take_diagnostics, 10)
         node.create_subscription(Float64MultiArray, topics.COMMANDS, self._take_rates, 10)
         node.create_subscription(
             Vector3Stamped, topics.POINTING_ERROR, self._take_error, qos_profile_sensor_data
         )
         for mode in self._names:
-            take = partial(self._take_names, mode)
-            node.create_subscription(Float64MultiArray, f'{topics.METRICS}/{mode}', take, 10)
+            name, take = topics.ARRAYS[mode], partial(self._take_names, mode)
+            node.create_subscription(Float64MultiArray, f'{metrics}/{name}', take, 10)
+
+    @property
+    def heard(self) -> bool:
+        """Whether the controller has told its state."""
+        return bool(self._state)
 
     def snapshot(self) -> Snapshot:
         """Return a summary of the newest messages."""
@@ -156,7 +167,7 @@ class ControllerMonitor:
         self._errors.append(math.hypot(message.vector.x, message.vector.y))
 
     def _take_names(self, mode: str, message: Float64MultiArray) -> None:
-        self._names[mode] = [one.label for one in message.layout.dim]
+        self._names[mode] = topics.labels_in(message)
 
 
 def _values(status: DiagnosticStatus | None) -> dict[str, str]:

@@ -5,6 +5,7 @@
 
 Decoding a DiagnosticArray takes longer than a control cycle, and `/diagnostics` is shared by all
 nodes of a system. So messages without a failure report are dropped undecoded, and so are repeats.
+Only now and then one that names a part of this mechanism is kept: it may lack the key by mistake.
 Messages about this mechanism are decoded first; the others can only be configuration mistakes,
 which are reported when there is time. A failure overtakes reports of health, which are repeated
 anyway.
@@ -15,6 +16,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable
+from math import inf
 
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY
 
@@ -41,6 +43,8 @@ _CAPACITY = 64
 _FOREIGN_CAPACITY = 2
 # A repeat shows that a failure is still reported: decode one per period.
 _REPEAT_PERIOD = 0.5
+# Seconds from one look at a message without the key to the next, and its longest.
+_LOOK_PERIOD, _LONGEST_LOOK = 0.02, 20_000
 # A value after the key that is not a word for health. CDR strings have a length of four bytes
 # before them and a zero at the end, and start at multiples of four; padding may hold anything.
 _FAILURE = re.compile(
@@ -58,7 +62,9 @@ class DiagnosticsQueue:
 
     def __init__(self, names: Iterable[str]) -> None:
         self.dropped = 0
-        self._names = re.compile(b'|'.join(re.escape(name.encode()) for name in names))
+        self._encoded = [name.encode() for name in names]
+        self._names = re.compile(b'|'.join(map(re.escape, self._encoded)))
+        self._look_due = -inf
         self._failures: deque[bytes] = deque()
         self._others: deque[bytes] = deque()
         self._foreign: deque[bytes] = deque(maxlen=_FOREIGN_CAPACITY)
@@ -72,6 +78,7 @@ class DiagnosticsQueue:
         ``now`` is in monotonic seconds.
         """
         if _KEY not in message:
+            self._look_at(message, now)
             return
         if len(message) > MAX_BYTES:
             self.dropped += 1
@@ -117,6 +124,14 @@ class DiagnosticsQueue:
     def forget_repeats(self) -> None:
         """Accept the next message even if it repeats an earlier one."""
         self._seen.clear()
+
+    def _look_at(self, message: bytes, now: float) -> None:
+        """Queue a message without a failure report if it names a part of this mechanism."""
+        if now < self._look_due or len(message) > _LONGEST_LOOK:
+            return
+        self._look_due = now + _LOOK_PERIOD
+        if any(name in message for name in self._encoded):
+            self._foreign.append(message)
 
     def _renewed_credit(self, now: float) -> float:
         """Return the seconds that decoding may take now."""

@@ -14,19 +14,26 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from fault_tolerance.control.failure_reports import ERROR, OK, WARN
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.drive_rules.drive_watch import DriveReport, DriveWatch
 from fault_tolerance.drive_rules.rule_files import rules_named
 from fault_tolerance.drive_rules.rules import Rule
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.nodes.health import ERROR, OK, WARN, Health
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.message_types import message_type
-from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, diagnostics_to_msg, status_to_msg
+from fault_tolerance.nodes.messages import (
+    FAILURE_MODE_KEY,
+    diagnostics_to_msg,
+    status_name,
+    status_to_msg,
+)
 from fault_tolerance.nodes.parameter_tables import DRIVE_REPORTS
 from fault_tolerance.nodes.parameters import declared_values
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 
 NAME = 'drive_reports'
 _LOOK_PERIOD = 0.1
@@ -130,7 +137,7 @@ class DriveReports(Node):
     def _status(self, report: DriveReport) -> DiagnosticStatus:
         name = report.actuator
         return status_to_msg(
-            f'{self.get_name()}: {name} ({report.rule})',
+            status_name(self, f'{name} ({report.rule})'),
             f'{self._namespace}/{name}' if self._namespace else name,
             OK if report.mode == FailureMode.NONE.value else ERROR,
             clean(report.message), {FAILURE_MODE_KEY: report.mode},
@@ -145,6 +152,9 @@ def _quality(rule: Rule) -> QoSProfile:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code(NAME, __doc__, DRIVE_REPORTS, args)
+    if code is not None:
+        return code
     return run(NAME, DriveReports, args)
 
 

@@ -12,10 +12,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
+from fault_tolerance.control.failure_reports import ERROR, OK
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.errors import FailureError
-from fault_tolerance.nodes.health import ERROR, OK, Health
-from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, diagnostics_to_msg, status_to_msg
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.messages import (
+    FAILURE_MODE_KEY,
+    diagnostics_to_msg,
+    status_name,
+    status_to_msg,
+)
 from fault_tolerance.nodes.parameters import ParameterError, given_values
 from fault_tolerance.simulation.faults import (
     FAULT_WORDS,
@@ -170,7 +176,7 @@ class FaultInjection:
     def _status(self, name: str, fault: FaultMode) -> DiagnosticStatus:
         healthy = fault == HEALTHY
         return status_to_msg(
-            f'{self._node.get_name()}: {name}',
+            status_name(self._node, name),
             f'{self._namespace}/{name}' if self._namespace else name,
             OK if healthy else ERROR,
             'healthy' if healthy else _SAID.get(fault, f'{fault} failure'),

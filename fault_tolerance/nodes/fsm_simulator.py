@@ -15,20 +15,22 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from fault_tolerance.control.failure_reports import OK
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.fault_injection import FAULTS, FaultInjection
-from fault_tolerance.nodes.health import OK, Health
-from fault_tolerance.nodes.markers import MarkerPublisher
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.markers import MarkerPublisher, View
 from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
 from fault_tolerance.nodes.parameter_tables import SIMULATOR
 from fault_tolerance.nodes.parameters import declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.plant_settings import PlantSettings
-from fault_tolerance.simulation.state import LONGEST_STEP
+from fault_tolerance.simulation.state import LONGEST_STEP, present_faults
 
 NAME = 'fsm'
 
@@ -52,7 +54,8 @@ class FsmSimulator(Node):
         self._poses = self.create_publisher(PoseStamped, '~/mirror_pose', sensor)
         self._twists = self.create_publisher(TwistStamped, '~/mirror_velocity', sensor)
         self._markers = MarkerPublisher(
-            self, self._plant, self._frame, values['marker_exaggeration']
+            self, mechanism, self._view, self._view(), self._frame, values['marker_exaggeration'],
+            with_target=True,
         )
         self._injection = FaultInjection(
             self, self._plant, self._health, values['enable_fault_injection']
@@ -62,6 +65,10 @@ class FsmSimulator(Node):
         )
         self._last = self.get_clock().now()
         self.create_timer(self._period, self._advance)
+
+    def _view(self) -> View:
+        plant = self._plant
+        return View(plant.state.pose, plant.strut_points, present_faults(plant))
 
     def _on_command(self, message: Float64MultiArray) -> None:
         rates = np.array(message.data)
@@ -101,6 +108,9 @@ def _settings(values: dict[str, Any]) -> PlantSettings:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code('fsm_simulator', __doc__, SIMULATOR, args)
+    if code is not None:
+        return code
     return run(NAME, FsmSimulator, args)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 from fault_tolerance.control.joint_states import JointStateReader
@@ -18,10 +19,8 @@ from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import twist_from_msg
+from fault_tolerance.nodes.spinning import Deferred
 from fault_tolerance.nodes.timeline import TimeLine
-
-# Keep the newest joint state while another one is processed; older ones are obsolete.
-_NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class InputSubscriber:
@@ -40,6 +39,8 @@ class InputSubscriber:
         Called with the present (seconds) when a joint state was accepted.
     listen : callable
         Called with that joint state after it.
+    deferred : Deferred
+        Gets work that must not delay a command.
     """
 
     def __init__(
@@ -51,20 +52,23 @@ class InputSubscriber:
         health: Health,
         cycle: Callable[[float], None],
         listen: Callable[[JointState], None],
+        deferred: Deferred,
     ) -> None:
         task = supervisor.mechanism.task
         self._node = node
         self._supervisor = supervisor
-        self._joints = JointStateReader(supervisor.mechanism)
+        settings = supervisor.settings
+        self._joints = JointStateReader(supervisor.mechanism, settings.joint_state_timeout)
         self._rows = task.rows
         self._outside = np.setdiff1d(np.arange(6), task.rows)
         self._base_frame = base_frame
         self._timeline = timeline
         self._health = health
         self._cycle, self._listen = cycle, listen
-        self._joint_states = node.create_subscription(
-            JointState, 'joint_states', self.on_joint_state, _NEWEST
-        )
+        self._deferred = deferred
+        # Keep the newest joint state while another one is processed; older ones are obsolete.
+        self._joint_states = self._subscription(2)
+        self._in_parts = False
         self._velocities = node.create_subscription(
             TwistStamped, '~/task_velocity', self.on_task_velocity, 10
         )
@@ -75,11 +79,14 @@ class InputSubscriber:
         Parameters
         ----------
         message : JointState
-            Positions in rad or m; joints of lost struts may be absent or NaN.
+            Positions in rad or m; joints that have failed may be absent or NaN.
         """
         now = self._timeline.now()
-        lost = self._supervisor.output.failures.lost
-        values, notice = self._joints.readings(message.name, message.position, lost)
+        failed = self._supervisor.failures.parts
+        values, notice = self._joints.readings(message.name, message.position, failed, now)
+        if self._joints.in_parts and not self._in_parts:
+            self._in_parts = True
+            self._deferred.add(self._keep_all_parts)
         if values is not None:
             stamp = self._timeline.monotonic(message.header.stamp)
             notice = self._supervisor.joint_reading(values, now, stamp)
@@ -89,6 +96,17 @@ class InputSubscriber:
             if stamp is None:
                 self._warn_of_no_stamp('joint_state')
         self._health.warn(notice)
+
+    def _subscription(self, depth: int) -> Subscription:
+        qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        return self._node.create_subscription(
+            JointState, 'joint_states', self.on_joint_state, qos
+        )
+
+    def _keep_all_parts(self) -> None:
+        """Keep a message of each joint while another one is processed."""
+        self._node.destroy_subscription(self._joint_states)
+        self._joint_states = self._subscription(2 * len(self._supervisor.mechanism.actuators))
 
     def on_task_velocity(self, message: TwistStamped) -> None:
         """Take a task velocity.

@@ -1,11 +1,12 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The simulated mirror as markers: struts coloured by failure, mirror, boresight, target."""
+"""A mirror as markers: struts coloured by failure, mirror, boresight, target."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -17,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.messages import nanoseconds_from_msg, pose_to_msg
-from fault_tolerance.simulation.state import Plant, present_faults
 
 PERIOD = 100_000_000
 """Nanoseconds between two publications."""
@@ -41,38 +42,60 @@ _WORDS = {'position': 'stuck', 'torque': 'free', 'hard': 'lost'}
 _BORESIGHT = np.array([0.0, 0.0, 3.0])
 
 
-class MarkerPublisher:
-    """Publishes ``~/markers``, in the frame ``frame``, while there is a subscriber.
+class View(NamedTuple):
+    """What there is to draw of a mechanism.
 
-    A motion of a milliradian is invisible, so it is drawn ``exaggeration`` times as large.
-    Messages are created once and updated: that takes a third of the time. The ``plant`` must be
-    at home.
+    The platform's ``pose`` (4, 4), the ``points`` (k, 3) of each strut, base to platform, metres,
+    and the ``faults`` of each actuator by name; a lost strut's actuators have the fault ``hard``.
     """
 
-    def __init__(self, node: Node, plant: Plant, frame: str, exaggeration: float) -> None:
-        self._plant = plant
+    pose: FloatArray
+    points: Sequence[FloatArray]
+    faults: Mapping[str, Sequence[str]]
+
+
+class MarkerPublisher:
+    """Publishes ``~/markers`` of a ``mechanism``, in the frame ``frame``, to a subscriber.
+
+    ``look`` returns what there is to see, ``home`` is the same at home. A motion of a milliradian
+    is invisible, so it is drawn ``exaggeration`` times as large. Messages are created once and
+    updated: that takes a third of the time. Only ``with_target`` the pointing reference is heard.
+    """
+
+    def __init__(
+        self, node: Node, mechanism: Mechanism, look: Callable[[], View], home: View, frame: str,
+        exaggeration: float, *, with_target: bool,
+    ) -> None:
+        self._mechanism = mechanism
+        self._look = look
         self._frame = frame
         self._factor = exaggeration
-        self._size = plant.mechanism.characteristic_length
-        self._home = np.array(plant.state.pose)
-        self._feet = [np.array(points) for points in plant.strut_points]
+        self._size = mechanism.characteristic_length
+        self._home = np.array(home.pose)
+        self._feet = [np.array(points) for points in home.points]
         self._reference = b''
         self._made: dict[str, Marker] = {}
         self._due = 0
         self._publisher = node.create_publisher(MarkerArray, '~/markers', 1)
-        # Deserialised only if there is a subscriber to the markers.
-        node.create_subscription(
-            Vector3Stamped, 'pointing/reference', self._take, qos_profile_sensor_data, raw=True
-        )
+        if with_target:
+            # Deserialised only if there is a subscriber to the markers.
+            node.create_subscription(
+                Vector3Stamped, 'pointing/reference', self._take, qos_profile_sensor_data, raw=True
+            )
 
     def _take(self, data: bytes) -> None:
         self._reference = data
+
+    @property
+    def subscribed(self) -> bool:
+        """Whether there is a subscriber."""
+        return bool(self._publisher.get_subscription_count())
 
     def show(self, stamp: Time) -> None:
         """Publish the state at ``stamp``, if due and subscribed to. Call at the end of a cycle."""
         now = nanoseconds_from_msg(stamp)
         # Simulated time may jump back.
-        if abs(now - self._due) >= PERIOD and self._publisher.get_subscription_count():
+        if abs(now - self._due) >= PERIOD and self.subscribed:
             self._due = now
             markers = self._markers()
             for marker in markers:
@@ -80,8 +103,8 @@ class MarkerPublisher:
             self._publisher.publish(MarkerArray(markers=markers))
 
     def _markers(self) -> list[Marker]:
-        size = self._size
-        pose = self._exaggerated(np.array(self._plant.state.pose))
+        size, view = self._size, self._look()
+        pose = self._exaggerated(np.array(view.pose))
         mirror = self._marker('mirror', Marker.CYLINDER, 'mirror')
         mirror.pose = pose_to_msg(Time(), self._frame, pose).pose
         mirror.scale.x = mirror.scale.y = 2.2 * size
@@ -92,18 +115,16 @@ class MarkerPublisher:
         words = f'motion x{self._factor:g}' if self._factor != 1.0 else ''
         scale = self._text('scale', words)
         scale.pose.position = _point([0.0, 0.0, -0.4 * size])
-        return [*self._struts(), mirror, boresight, self._target(), scale]
+        return [*self._struts(view), mirror, boresight, self._target(), scale]
 
-    def _struts(self) -> list[Marker]:
+    def _struts(self, view: View) -> list[Marker]:
         """Return all struts, then the labels of failed parts."""
-        plant, mechanism = self._plant, self._plant.mechanism
-        faults = present_faults(plant)
         struts, labels = [], []
         for name, points, home in zip(
-            mechanism.strut_names, plant.strut_points, self._feet, strict=True
+            self._mechanism.strut_names, view.points, self._feet, strict=True
         ):
-            mine = mechanism.actuators_of(name)
-            failed = [(one, fault) for one in mine for fault in faults[one]]
+            mine = self._mechanism.actuators_of(name)
+            failed = [(one, fault) for one in mine for fault in view.faults[one]]
             kinds = [fault if fault in _SEVERITY else 'odd' for _, fault in failed]
             worst = max(kinds, key=_SEVERITY.index, default='none')
             strut = self._marker(name, Marker.LINE_STRIP, worst)

@@ -18,10 +18,12 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3Stamped
+from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension
 
+from fault_tolerance.control.failure_reports import ERROR
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.measured_pose import pose_of
 
@@ -30,12 +32,15 @@ FAILURE_MODE_KEY = 'failure_mode'
 
 
 class StatusMode(NamedTuple):
-    """A failure mode in a diagnostic status, with the other fields of a failure report."""
+    """A failure mode in a diagnostic status, with the other fields of a failure report.
+
+    ``mode`` is None for an ERROR without a failure mode, which may be a report that lacks it.
+    """
 
     name: str
     hardware_id: str
     level: int
-    mode: str
+    mode: str | None
 
 
 def nanoseconds_from_msg(stamp: Time) -> int:
@@ -106,9 +111,10 @@ def array_to_msg(values: FloatArray) -> Float64MultiArray:
 
 
 def labelled_array_to_msg(values: Mapping[str, float]) -> Float64MultiArray:
-    """Return the message for ``values`` by label: one dimension of size 1 for each."""
-    message = Float64MultiArray(data=array('d', values.values()))
-    message.layout.dim = [MultiArrayDimension(label=name, size=1, stride=1) for name in values]
+    """Return the message for N ``values`` by name: one dimension, its label all the names."""
+    message, count = Float64MultiArray(data=array('d', values.values())), len(values)
+    label = ','.join(values)
+    message.layout.dim = [MultiArrayDimension(label=label, size=count, stride=count)]
     return message
 
 
@@ -122,15 +128,20 @@ def status_to_msg(
     )
 
 
+def status_name(node: Node, title: str) -> str:
+    """Return the name of the status ``title`` of a ``node``, with its namespace."""
+    return f'{node.get_fully_qualified_name().lstrip("/")}: {title}'
+
+
 def diagnostics_to_msg(stamp: Time, statuses: Iterable[DiagnosticStatus]) -> DiagnosticArray:
     """Return the message for diagnostic ``statuses`` with its ``stamp``."""
     return DiagnosticArray(header=Header(stamp=stamp), status=list(statuses))
 
 
 def modes_from_msg(message: DiagnosticArray) -> Iterator[StatusMode]:
-    """Yield every failure mode in every status of a ``message``."""
+    """Yield every failure mode in every status of a ``message``, and every ERROR without one."""
     for status in message.status:
-        for pair in status.values:
-            if pair.key == FAILURE_MODE_KEY:
-                level = int.from_bytes(status.level, 'little')
-                yield StatusMode(status.name, status.hardware_id, level, pair.value)
+        level = int.from_bytes(status.level, 'little')
+        modes = [pair.value for pair in status.values if pair.key == FAILURE_MODE_KEY]
+        for mode in modes or ([None] if level == ERROR else []):
+            yield StatusMode(status.name, status.hardware_id, level, mode)

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from std_msgs.msg import Float64, Float64MultiArray
 
+from fault_tolerance.analysis import topics
 from fault_tolerance.control.failure_reports import ERROR, OK, WARN
 from fault_tolerance.control.metrics import ActuatorMetrics, Metrics, StrutMetrics
 from fault_tolerance.mechanism.arrays import decimal
@@ -22,16 +23,10 @@ from fault_tolerance.nodes.messages import (
     status_to_msg,
 )
 
-SCALARS = (
-    'position_tolerance', 'torque_tolerance', 'hard_tolerance', 'retained_manipulability',
-    'condition_number', 'active_failures', 'recovery_time',
-)
-"""Metrics with a scalar topic."""
-
 _DECIMALS = (
     'retained_manipulability', 'position_measure', 'torque_measure', 'hard_measure',
     'smallest_singular_value', 'condition_number', 'flexure_strain', 'misfit',
-    'scale', 'secondary_scale', 'major_jump', 'rate_jump',
+    'scale', 'secondary_scale', 'major_jump', 'rate_jump', 'tracking_error',
 )
 
 
@@ -43,11 +38,12 @@ class MetricsPublisher:
         self._prefix = f'{prefix}/' if prefix else ''
         self._all = node.create_publisher(DiagnosticArray, '~/metrics', 10)
         self._scalars = {
-            name: node.create_publisher(Float64, f'~/metrics/{name}', 10) for name in SCALARS
+            name: node.create_publisher(Float64, f'~/metrics/{name}', 10)
+            for name in topics.SCALARS
         }
         self._arrays = {
-            mode: node.create_publisher(Float64MultiArray, f'~/metrics/{mode}', 10)
-            for mode in ('position', 'torque', 'hard')
+            mode: node.create_publisher(Float64MultiArray, f'~/metrics/{name}', 10)
+            for mode, name in topics.ARRAYS.items()
         }
 
     @property
@@ -56,32 +52,36 @@ class MetricsPublisher:
         publishers = (self._all, *self._scalars.values(), *self._arrays.values())
         return any(one.get_subscription_count() for one in publishers)
 
-    def publish(self, stamp: Time, metrics: Metrics, further: Mapping[str, str]) -> None:
+    def publish(
+        self, stamp: Time, metrics: Metrics, told: tuple[int, str], further: Mapping[str, str]
+    ) -> None:
         """Publish the ``metrics`` with their ``stamp`` on every topic that has a subscriber.
 
-        The status of the mechanism holds the ``further`` values as well.
+        The status of the mechanism has level and text as ``told``, and the ``further`` values.
         """
         if self._all.get_subscription_count():
-            self._all.publish(diagnostics_to_msg(stamp, self._statuses(metrics, further)))
+            self._all.publish(diagnostics_to_msg(stamp, self._statuses(metrics, told, further)))
         for name, publisher in self._scalars.items():
             if publisher.get_subscription_count():
                 failed = name == 'active_failures'
                 value = len(metrics.failures) if failed else getattr(metrics, name)
-                publisher.publish(Float64(data=float(value)))
+                # Every published number is finite: what is not known is not published.
+                if value is not None:
+                    publisher.publish(Float64(data=float(value)))
         for mode, publisher in self._arrays.items():
             if publisher.get_subscription_count():
                 parts = metrics.struts if mode == 'hard' else metrics.actuators
-                # Every published number is finite: the measure of a failed part is 0.
+                # The measure of a failed part is 0.
                 values = {part.name: float(getattr(part, mode) or 0.0) for part in parts}
                 publisher.publish(labelled_array_to_msg(values))
 
     def _statuses(
-        self, metrics: Metrics, further: Mapping[str, str]
+        self, metrics: Metrics, told: tuple[int, str], further: Mapping[str, str]
     ) -> Iterator[DiagnosticStatus]:
         """Yield the status of the mechanism, of every actuator and of every strut."""
         yield status_to_msg(
             'fault_tolerance: mechanism', f'{self._prefix}{self._name}',
-            metrics.level, metrics.message, {**_mechanism_values(metrics), **further},
+            *told, {**_mechanism_values(metrics), **further},
         )
         for part in (*metrics.actuators, *metrics.struts):
             failed = part.failure != 'none'
@@ -102,9 +102,16 @@ def _mechanism_values(metrics: Metrics) -> Mapping[str, str]:
         **{key: decimal(getattr(metrics, key)) for key in _DECIMALS},
         'saturation': ', '.join(metrics.saturation),
         'out_of_range': ', '.join(metrics.out_of_range),
-        'recovery_time_us': decimal(1e6 * metrics.recovery_time),
+        'sensorless': ', '.join(metrics.sensorless),
+        'recovery_time_us': decimal(1e6 * metrics.reconfiguration_time),
+        'time_since_report': _decimal_or_nothing(metrics.time_since_report),
+        'internal_force': _decimal_or_nothing(metrics.internal_force),
         'worst_next': f'{metrics.worst_next} {decimal(metrics.worst_next_measure)}'.strip(),
     }
+
+
+def _decimal_or_nothing(value: float | None) -> str:
+    return '' if value is None else decimal(value)
 
 
 def _part_values(part: ActuatorMetrics | StrutMetrics) -> Mapping[str, str]:

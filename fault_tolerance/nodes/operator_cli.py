@@ -9,50 +9,72 @@ from collections.abc import Callable
 from time import monotonic
 
 from fault_tolerance.errors import FaultToleranceError
-from fault_tolerance.nodes.operator_client import OperatorClient
+from fault_tolerance.nodes.operator_client import CONTROLLER, SIMULATOR, OperatorClient
 from fault_tolerance.nodes.spinning import spun
 from fault_tolerance.simulation.faults import EVERYTHING, SILENT, fault_words
+
+NOTHING_RELEASED = 1
+"""Exit code of a clear that has released nothing."""
 
 _PATIENCE = 10.0
 # Longer than the controller takes to react to a report of the simulator.
 _REACTION_TIME = 1.0
+# In which a controller that runs is heard of.
+_DISCOVERY_TIME = 4.0
 
 Wait = Callable[[Callable[[], bool], str], None]
 """Spins until a condition holds; the text names what it waits for."""
 
 
-def inject(words: str) -> str:
+def inject(words: str, namespace: str = '', node: str = SIMULATOR) -> str:
     """Inject a fault, ``words`` as ``[silent] MODE NAME``; return the controller's state after it.
 
-    Raises `FaultToleranceError` if the words are rejected, or no simulator or controller answers.
+    ``namespace`` is that of controller and simulator, ``node`` the simulator's name. If there is
+    no controller the result says so. Raises `FaultToleranceError` if the words are rejected, or no
+    simulator answers.
     """
     mode, name, silent = fault_words(words)
 
     def act(operator: OperatorClient, wait: Wait) -> None:
-        wait(lambda: operator.simulator_listens, 'the simulator')
+        wait(lambda: operator.simulator_listens, f'the simulator {operator.simulator}')
         if name == EVERYTHING:
             operator.inject(words)
             return
         order = f'{SILENT} {mode}' if silent else mode
-        wait(operator.set_fault(name, order), 'the simulator')
+        parts: list[str] = []
+        wait(operator.ask_parts(parts), f'the simulator {operator.simulator}')
+        if name not in parts:
+            known = ', '.join((*parts, EVERYTHING))
+            raise FaultToleranceError(f'{name!r} is no actuator or strut of it; there is: {known}')
+        wait(operator.set_fault(name, order), f'the simulator {operator.simulator}')
         if operator.refusal:
             raise FaultToleranceError(operator.refusal)
 
-    return _with_operator(act)
+    done = _with_operator(lambda: OperatorClient(namespace, simulator=node), act)
+    return done.state or f'injected; no controller {done.controller} is heard'
 
 
-def clear() -> str:
-    """Ask the controller to clear its failures and return its answer."""
+def clear(namespace: str = '', node: str = CONTROLLER) -> tuple[str, int]:
+    """Ask the controller ``node`` in ``namespace`` to clear its failures.
+
+    Returns its answer, and the exit code: `NOTHING_RELEASED` if so, else 0. Raises
+    `FaultToleranceError` if it does not answer.
+    """
 
     def act(operator: OperatorClient, wait: Wait) -> None:
-        wait(lambda: operator.controller_listens, 'the controller')
-        wait(operator.clear(), 'the controller')
+        wait(lambda: bool(operator.state), f'the controller {operator.controller}')
+        wait(lambda: operator.controller_listens, f'the controller {operator.controller}')
+        wait(operator.clear(), f'the controller {operator.controller}')
 
-    return _with_operator(act)
+    done = _with_operator(lambda: OperatorClient(namespace, controller=node), act)
+    return done.answer, 0 if done.released else NOTHING_RELEASED
 
 
-def _with_operator(act: Callable[[OperatorClient, Wait], None]) -> str:
-    with spun(OperatorClient) as (operator, executor):
+def _with_operator(
+    create: Callable[[], OperatorClient], act: Callable[[OperatorClient, Wait], None]
+) -> OperatorClient:
+    """Return the operator after it has acted and what follows has been heard of."""
+    with spun(create) as (operator, executor):
 
         def wait(condition: Callable[[], bool], what: str) -> None:
             deadline = monotonic() + _PATIENCE
@@ -61,8 +83,10 @@ def _with_operator(act: Callable[[OperatorClient, Wait], None]) -> str:
                     raise FaultToleranceError(f'no answer within {_PATIENCE:g} s from {what}')
                 executor.spin_once(timeout_sec=0.05)
 
-        wait(lambda: bool(operator.state), 'the controller')
         act(operator, wait)
-        reacted = monotonic() + _REACTION_TIME
-        wait(lambda: monotonic() > reacted, 'the controller')
-        return operator.answer or operator.state
+        acted = monotonic()
+        wait(
+            lambda: monotonic() - acted > (_REACTION_TIME if operator.state else _DISCOVERY_TIME),
+            'the clock',
+        )
+        return operator

@@ -20,30 +20,44 @@ from std_srvs.srv import SetBool, Trigger
 from fault_tolerance.analysis import topics
 from fault_tolerance.nodes.messages import nanoseconds_from_msg
 
+CONTROLLER, SIMULATOR = 'fault_tolerance', 'fsm'
+"""The names of the nodes, where nobody has renamed them."""
+
 
 class OperatorClient(Node):
-    """Client of simulator and controller in a ``namespace``; follows the controller's state."""
+    """Client of simulator and controller in a ``namespace``; follows the controller's state.
 
-    def __init__(self, namespace: str = '') -> None:
+    The nodes are named ``controller`` and ``simulator``; as attributes these are the full names.
+    """
+
+    def __init__(
+        self, namespace: str = '', controller: str = CONTROLLER, simulator: str = SIMULATOR
+    ) -> None:
         super().__init__('operator', namespace=namespace)
+        place = self.get_namespace().rstrip('/')
+        self.controller, self.simulator = f'{place}/{controller}', f'{place}/{simulator}'
         self.state = self.answer = self.refusal = ''
-        self._faults_by_name = AsyncParameterClient(self, 'fsm')
+        # Whether the last clear has released anything.
+        self.released = False
+        self._faults_by_name = AsyncParameterClient(self, simulator)
         self.active_failures = -1
         # The last pointing error, radians; infinite before there is one.
         self.error = inf
         # Stamp of the last joint state, seconds.
         self.now = 0.0
-        self._faults = self.create_publisher(String, 'fsm/inject_fault', 10)
-        self._clear = self.create_client(Trigger, 'fault_tolerance/clear_failures')
-        self._pause = self.create_client(SetBool, 'fault_tolerance/pause')
+        self._faults = self.create_publisher(String, f'{simulator}/inject_fault', 10)
+        self._clear = self.create_client(Trigger, f'{controller}/clear_failures')
+        self._pause = self.create_client(SetBool, f'{controller}/pause')
         sensor = qos_profile_sensor_data
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._phases = self.create_publisher(String, topics.PHASE, latched)
         self.create_subscription(Vector3Stamped, topics.POINTING_ERROR, self._take_error, sensor)
         self.create_subscription(JointState, topics.JOINT_STATES, self._take_joint_state, sensor)
-        self.create_subscription(String, topics.STATE, self._take_state, latched)
+        state = topics.renamed(topics.STATE, controller)
+        metrics = topics.renamed(topics.METRICS, controller)
+        self.create_subscription(String, state, self._take_state, latched)
         self.create_subscription(
-            Float64, f'{topics.METRICS}/active_failures', self._take_active_failures, 10
+            Float64, f'{metrics}/active_failures', self._take_active_failures, 10
         )
 
     @property
@@ -75,6 +89,18 @@ class OperatorClient(Node):
         """Publish that a phase begins (``text`` from `note_as_text`) or ends (empty)."""
         self._phases.publish(String(data=text))
 
+    def ask_parts(self, parts: list[str]) -> Callable[[], bool]:
+        """Ask for the parts that can fail; the result returns whether ``parts`` holds them."""
+        future = self._faults_by_name.list_parameters(['faults'], 2)
+
+        def answered() -> bool:
+            if future.done():
+                names = future.result().result.names
+                parts[:] = [name.partition('.')[2] for name in names]
+            return bool(future.done())
+
+        return answered
+
     def set_fault(self, name: str, words: str) -> Callable[[], bool]:
         """Set the fault of the part ``name`` to ``words``, ``[silent] MODE``, by a parameter.
 
@@ -97,7 +123,7 @@ class OperatorClient(Node):
 
         def answered() -> bool:
             if future.done():
-                self.answer = future.result().message
+                self.answer, self.released = future.result().message, future.result().success
             return bool(future.done())
 
         return answered

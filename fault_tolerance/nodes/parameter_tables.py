@@ -21,6 +21,9 @@ _MECHANISM = Parameter(
     'mechanism', 'mirror_4_strut', 'a shipped mechanism by name, or the path of a mechanism file'
 )
 _BASE_FRAME = Parameter('base_frame', 'base_link', 'frame_id of poses and velocities')
+_EXAGGERATION = Parameter(
+    'marker_exaggeration', 100.0, 'magnification of motions in ~/markers', '', (1.0, 1e6)
+)
 _TIMES = (1e-3, 60.0)
 _live = partial(Parameter, read_only=False)
 
@@ -73,6 +76,12 @@ CONTROLLER = (
             'hold if redundant joint readings disagree by more than this share of '
             'the characteristic length',
             '', (1e-9, 1e9)),
+        internal_force_limit=(
+            'warn if drives push against each other by more; 0: never', 'N', (0.0, 1e9)),
+        tracking_error_limit=(
+            'warn if commanded and measured rates differ by more; 0: never', 'm/s', (0.0, 1e9)),
+        saturation_limit=(
+            'warn if an actuator is at a limit for longer; 0: never', 's', (0.0, 3600.0)),
     ),
     *_fields(
         MonitorSettings,
@@ -90,6 +99,7 @@ CONTROLLER = (
         relief=('lead the strain back that a failure leaves behind, where efforts show it',),
     ),
     Parameter('pose_topic', '', 'topic of a pose sensor of the platform; empty: there is none'),
+    _EXAGGERATION,
     Parameter(
         'realtime_priority', 0,
         'SCHED_FIFO priority, if the system grants it; 0: default scheduling', '', (0, 99),
@@ -147,9 +157,7 @@ SIMULATOR = (
         engagement_time=(
             'time constant with which a repaired part takes up its load', 's', (1e-6, 60.0)),
     ),
-    Parameter(
-        'marker_exaggeration', 100.0, 'magnification of motions in ~/markers', '', (1.0, 1e6)
-    ),
+    _EXAGGERATION,
 )
 
 DRIVE_REPORTS = (
@@ -160,6 +168,10 @@ DRIVE_REPORTS = (
 POINTING = (
     _MECHANISM,
     _BASE_FRAME,
+    Parameter(
+        'pose_topic', 'fsm/mirror_pose',
+        'where the mirror is; on hardware a sensor, or fault_tolerance/platform_pose',
+    ),
     _live('kind', 'circle', 'shape of the reference', choices=REFERENCE_KINDS),
     _live('amplitude', 1e-3, 'amplitude about x (circle: radius)', 'rad', (-1.0, 1.0)),
     _live(

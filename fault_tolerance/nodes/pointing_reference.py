@@ -14,11 +14,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
+from fault_tolerance.control.failure_reports import OK
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.pointing import PointingLoop, pointing_error
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.task import COORDINATES
-from fault_tolerance.nodes.health import OK, Health
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (
     nanoseconds_from_msg,
     pose_from_msg,
@@ -29,6 +30,7 @@ from fault_tolerance.nodes.parameter_tables import POINTING
 from fault_tolerance.nodes.parameters import ParameterError, declared_values, settings_from
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
+from fault_tolerance.nodes.usage import exit_code
 from fault_tolerance.simulation.reference import Reference, reference
 
 NAME = 'pointing'
@@ -60,8 +62,8 @@ class PointingReference(Node):
         self._velocities = self.create_publisher(TwistStamped, 'fault_tolerance/task_velocity', 10)
         self._references = self.create_publisher(Vector3Stamped, '~/reference', 10)
         self._errors = self.create_publisher(Vector3Stamped, '~/error', 10)
-        self.create_subscription(
-            PoseStamped, 'fsm/mirror_pose', self._on_pose, qos_profile_sensor_data
+        self._poses = self.create_subscription(
+            PoseStamped, self._values['pose_topic'], self._on_pose, qos_profile_sensor_data
         )
 
     def _set_up(self) -> None:
@@ -95,7 +97,9 @@ class PointingReference(Node):
             publisher.publish(vector_to_msg(message.header.stamp, self._frame, vector))
 
     def _present(self) -> tuple[int, str]:
-        return OK, 'waiting for mirror poses' if self._started is None else self._values['kind']
+        if self._started is None:
+            return OK, f'waiting for mirror poses on {self._poses.topic_name}'
+        return OK, self._values['kind']
 
 
 def _reference(values: dict[str, Any]) -> Reference:
@@ -114,6 +118,9 @@ def _reference(values: dict[str, Any]) -> Reference:
 
 def main(args: list[str] | None = None) -> int:
     """Run the node with command line ``args``; return the exit code of the process."""
+    code = exit_code('pointing_reference', __doc__, POINTING, args)
+    if code is not None:
+        return code
     return run(NAME, PointingReference, args)
 
 

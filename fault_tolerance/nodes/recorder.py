@@ -28,6 +28,7 @@ _PROFILES = {
     'fsm/mirror_pose': _STREAM,
     'fsm/mirror_velocity': _STREAM,
     topics.STATE: _LATCHED,
+    'fault_tolerance/status': _LATCHED,
     topics.PHASE: _LATCHED,
 }
 

@@ -12,8 +12,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
-from fault_tolerance.control.failure_reports import Report, report_of
-from fault_tolerance.control.notices import Notice
+from fault_tolerance.control.failure_reports import Report, part_names, report_of, target_of
+from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.detection.suspicion import DETECTION
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.diagnostics_queue import DiagnosticsQueue
@@ -42,7 +42,7 @@ class ReportSubscriber:
         self, node: Node, mechanism: Mechanism, topic: str, prefix: str,
         timeline: TimeLine, health: Health, apply: Callable[[Batch], None],
     ) -> None:
-        self._names = frozenset((*mechanism.actuator_names, *mechanism.strut_names))
+        self._names = part_names(mechanism)
         self._prefix = prefix
         self._timeline = timeline
         self._health = health
@@ -87,11 +87,24 @@ class ReportSubscriber:
     def _batch(self, message: StampedModes) -> Batch:
         seconds = self._timeline.monotonic(message)
         stamp = message if seconds is not None else self._timeline.stamp()
+        for name, hardware_id, _, mode in message.modes:
+            if mode is None:
+                self._warn_of_no_mode(name, hardware_id)
         # What the controller has found itself it knows already.
         found = (report_of(*mode, seconds, prefix=self._prefix, names=self._names)
                  for mode in message.modes if mode[0] != DETECTION)
         reports = [report for report in found if report is not None]
         return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')
+
+    def _warn_of_no_mode(self, name: str, hardware_id: str) -> None:
+        """Tell once of each part whose ERROR cannot be a failure report."""
+        part = target_of(hardware_id, self._prefix, self._names)
+        if part is not None:
+            text = (
+                f'{part}: {clean(name)!r} reports an ERROR without the key failure_mode '
+                '(position, torque, hard or none): no failure is assumed'
+            )
+            self._health.warn_once('no_failure_mode', text, part)
 
 
 def _decoded(raw: bytes) -> StampedModes:

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from struct import Struct, error
 from typing import NamedTuple
 
+from fault_tolerance.control.failure_reports import ERROR
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY
 
 _LITTLE_ENDIAN = 0x100
@@ -30,7 +31,7 @@ class StampedModes(NamedTuple):
 
     sec: int
     nanosec: int
-    modes: Sequence[tuple[str, str, int, str]]
+    modes: Sequence[tuple[str, str, int, str | None]]
 
 
 def modes_in(raw: bytes) -> StampedModes | None:
@@ -40,9 +41,9 @@ def modes_in(raw: bytes) -> StampedModes | None:
         if encapsulation != _LITTLE_ENDIAN:
             return None
         count, at = _number(raw, _string(raw, _HEAD.size)[1])
-        modes = []
+        modes: list[tuple[str, str, int, str | None]] = []
         for _ in range(count):
-            level = raw[at]
+            level, known = raw[at], len(modes)
             name, at = _string(raw, at + 1)
             hardware_id, at = _string(raw, _string(raw, at)[1])
             pairs, at = _number(raw, at)
@@ -51,6 +52,8 @@ def modes_in(raw: bytes) -> StampedModes | None:
                 value, at = _string(raw, at)
                 if key == _KEY:
                     modes.append((name.decode(), hardware_id.decode(), level, value.decode()))
+            if level == ERROR and len(modes) == known:
+                modes.append((name.decode(), hardware_id.decode(), level, None))
     except (error, IndexError, ValueError):
         return None
     return StampedModes(sec, nanosec, modes)

@@ -1,23 +1,31 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""State, log lines and metrics of the controller, published after the command they belong to."""
+"""State, status, log lines and metrics of the controller, published after their command."""
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from time import monotonic
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
+from fault_tolerance.control.failure_reports import ERROR, OK
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
-from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.arrays import decimal
+from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.messages import status_name, status_to_msg
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
+
+METRICS_PERIOD, COLLECTION_PERIOD = 0.2, 5.0
+"""Seconds from metrics to metrics, and from one collection of garbage to the next."""
 
 DISCOVERY = 2.0
 """Seconds after start-up during which the state ``waiting`` is not published.
@@ -28,37 +36,58 @@ announcement every three seconds): until then, silence is no symptom.
 
 
 class StatusPublisher:
-    """Publishes ``~/state`` and logs on change, and publishes the metrics.
+    """Publishes ``~/state`` and ``~/status`` and logs on change, and publishes the metrics.
 
-    A ``prefix`` begins the hardware ids. ``deferred`` gets work that must not delay a command.
-    ``further`` returns what else belongs into the metrics, texts by key. ``report_stamp`` is the
-    stamp of the last report that changed anything, seconds as text.
+    Level and text are those that ``health`` tells on the diagnostics. A ``prefix`` begins the
+    hardware ids. ``deferred`` gets work that must not delay a command. ``further`` returns what
+    else belongs into the metrics, texts by key, ``missing`` what a waiting controller lacks.
+    ``report_stamp`` is the stamp of the last report that changed anything, seconds as text.
     """
 
     def __init__(
         self, node: Node, supervisor: Supervisor, prefix: str, deferred: Deferred,
-        further: Callable[[], dict[str, str]],
+        health: Health, further: Callable[[], dict[str, str]], missing: Callable[[], str],
     ) -> None:
         self.report_stamp = ''
         self._node = node
         self._supervisor = supervisor
-        self._deferred, self._further = deferred, further
+        self._health = health
+        self._deferred, self._further, self._missing = deferred, further, missing
         self._metrics = MetricsPublisher(node, supervisor.mechanism, prefix)
+        self._names = status_name(node, 'status'), '/'.join(
+            filter(None, (prefix, supervisor.mechanism.name))
+        )
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._state = node.create_publisher(String, '~/state', latched)
+        self._status = node.create_publisher(DiagnosticStatus, '~/status', latched)
         self._published: tuple[object, ...] = ()
-        self._discovered = monotonic() + DISCOVERY
+        self._told: DiagnosticStatus | None = None
+        self._metrics_due = self._collection_due = monotonic()
+        self._discovered = self._metrics_due + DISCOVERY
 
-    @property
-    def discovering(self) -> bool:
-        """Whether publishers may exist that are not discovered yet."""
-        return monotonic() < self._discovered
+    def present(self) -> tuple[int, str]:
+        """Return level and text of the controller's own status."""
+        output = self._supervisor.output
+        reason = output.reason
+        if output.state is State.WAITING:
+            reason = f'{self._missing()}{reason.removeprefix(WAITING)}'
+        return output.level, f'{output.state.value}: {reason}'
 
-    def update(self, output: Output) -> None:
-        """Defer a publication if state or failures have changed in the ``output`` of a cycle."""
+    def update(self, output: Output, now: float) -> None:
+        """Defer what the ``output`` of a cycle ``now`` (monotonic seconds) has to be followed by.
+
+        That is a change of state or failures, and what is done periodically: right after a
+        command, when most of the period is still ahead.
+        """
+        if now >= self._metrics_due:
+            self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
+            self._deferred.add(self.publish_metrics)
+        if now >= self._collection_due:
+            self._collection_due = now + COLLECTION_PERIOD
+            self._deferred.add(gc.collect)
         if (output.state, output.failures) == self._published:
             return
-        if output.state is not State.WAITING or not self.discovering:
+        if output.state is not State.WAITING or monotonic() >= self._discovered:
             self._deferred.add(self._publish_change)
 
     def _publish_change(self) -> None:
@@ -68,15 +97,40 @@ class StatusPublisher:
         if output.state not in self._published:
             self._state.publish(String(data=output.state.value))
         self._published = (output.state, output.failures)
-        self._node.get_logger().info(f'{output.state.value}: {output.reason}')
+        logger, (level, text) = self._node.get_logger(), self._health.present()
+        # Each a line of its own: rclpy knows a logging call by its place.
+        if level == ERROR:
+            logger.error(text)
+        elif level == OK:
+            logger.info(text)
+        else:
+            logger.warning(text)
         self._deferred.add(self.publish_metrics)
 
     def publish_metrics(self) -> None:
-        """Compute and publish the metrics of the last cycle, if anybody subscribes to them."""
+        """Publish the status if it has changed, and the metrics if anybody subscribes to them."""
+        output, further = self._supervisor.output, self._further()
+        if self._published:
+            self._publish_status(output, further['suspected'])
         if self._metrics.subscribed:
-            residual = ', '.join(map(decimal, self._supervisor.output.residual.tolist()))
+            residual = ', '.join(map(decimal, output.residual.tolist()))
+            metrics = self._supervisor.metrics()
             self._metrics.publish(
-                self._node.get_clock().now().to_msg(),
-                self._supervisor.metrics(),
-                {'residual': residual, 'report_stamp': self.report_stamp, **self._further()},
+                self._node.get_clock().now().to_msg(), metrics,
+                self._health.with_notices(metrics.level, metrics.message),
+                {'residual': residual, 'report_stamp': self.report_stamp, **further},
             )
+
+    def _publish_status(self, output: Output, suspected: str) -> None:
+        level, text = self._health.told()
+        status = status_to_msg(
+            *self._names, level, text.removeprefix(f'{output.state.value}: '),
+            {
+                'state': output.state.value,
+                'failures': ', '.join(map(str, output.failures.failures)),
+                'suspected': suspected,
+            },
+        )
+        if status != self._told:
+            self._told = status
+            self._status.publish(status)

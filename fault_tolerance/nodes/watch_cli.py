@@ -18,19 +18,28 @@ from fault_tolerance.analysis.live_view import LiveView, plain_line
 from fault_tolerance.analysis.terminal import console_for_text
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes.controller_monitor import REFRESH_PERIOD, ControllerMonitor
+from fault_tolerance.nodes.operator_client import CONTROLLER
 from fault_tolerance.nodes.spinning import spun
 
 _LINE_PERIOD = 5.0
 _STEP = 0.05
 
 
-def watch(namespace: str = '', mechanism: str = '', duration: float = math.inf) -> int:
+NOT_HEARD = 1
+"""Exit code if there was no controller to watch."""
+
+
+def watch(
+    namespace: str = '', mechanism: str = '', duration: float = math.inf,
+    controller: str = CONTROLLER,
+) -> int:
     """Show a controller until Ctrl-C: as a live view on a terminal, as lines elsewhere.
 
-    ``namespace`` is that of the controller. ``mechanism`` is name or file of its mechanism, for
-    limits and units; empty: the shipped one that it names. Returns the exit code of the process
-    after ``duration`` seconds.
+    ``namespace`` and ``controller`` are those of the node. ``mechanism`` is name or file of its
+    mechanism, for limits and units; empty: the shipped one that it names. Returns the exit code of
+    the process after ``duration`` seconds.
     """
+    heard = False
     machine = mechanism_named(mechanism) if mechanism else None
     console = console_for_text()
     name = f'watch_{os.getpid()}'
@@ -38,15 +47,16 @@ def watch(namespace: str = '', mechanism: str = '', duration: float = math.inf) 
         with spun(lambda: Node(name, namespace=namespace, enable_rosout=False)) as (
             node, executor
         ):
-            monitor, end = ControllerMonitor(node, machine), monotonic() + duration
+            monitor, end = ControllerMonitor(node, machine, controller), monotonic() + duration
             show = _on_screen if console.is_terminal else _in_lines
             for _ in show(monitor, console):
                 executor.spin_once(timeout_sec=_STEP)
+                heard = heard or monitor.heard
                 if monotonic() > end:
                     break
     except KeyboardInterrupt:
         pass
-    return 0
+    return 0 if heard else NOT_HEARD
 
 
 def _on_screen(monitor: ControllerMonitor, console: Console) -> Iterator[None]:

@@ -22,7 +22,7 @@ from fault_tolerance.analysis.recorded_inputs import (
     Told,
 )
 from fault_tolerance.closed_loop import detected
-from fault_tolerance.control.failure_reports import ERROR, Report, report_of
+from fault_tolerance.control.failure_reports import ERROR, Report, part_names, report_of
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.detector import CYCLES, Detector
@@ -146,7 +146,7 @@ class Replay:
         self._mechanism, self._acting = mechanism, detect == 'act'
         self._supervisor = Supervisor(mechanism)
         self.detector = Detector(mechanism, delay, self._supervisor.kernel.advance)
-        self._joints = JointStateReader(mechanism)
+        self._joints = JointStateReader(mechanism, self._supervisor.settings.joint_state_timeout)
         self._places: dict[tuple[str, ...], list[int] | None] = {}
         self._failures = FailureSet()
         self._pose: FloatArray | None = None
@@ -196,8 +196,8 @@ class Replay:
         return 1e-9 * self._now
 
     def _read(self, reading: RecordedReading, now: float) -> bool:
-        lost = self._supervisor.output.failures.lost
-        values, _ = self._joints.readings(reading.names, reading.positions, lost)
+        failed = self._supervisor.failures.parts
+        values, _ = self._joints.readings(reading.names, reading.positions, failed, now)
         taken = values is not None and self._supervisor.joint_reading(values, now) is None
         self.rejected += not taken
         return taken
@@ -275,7 +275,7 @@ def _probing_next(turns: Sequence[Turn]) -> list[bool | None]:
 
 def _reports(found: RecordedModes, namespace: str, mechanism: Mechanism) -> list[Report]:
     """Return the failure reports on ``mechanism`` in a message, without those of detection."""
-    names = frozenset((*mechanism.actuator_names, *mechanism.strut_names))
+    names = part_names(mechanism)
     stamp = 1e-9 * found.stamp if found.stamp else None
     made = (
         report_of(*mode, stamp, prefix=namespace.strip('/'), names=names)

@@ -143,7 +143,7 @@ def _shown(
     mechanism: Mechanism, reader: JointStateReader, reading: RecordedReading
 ) -> FloatArray | None:
     """Return what a command that answers a reading says of it."""
-    values, _ = reader.readings(reading.names, reading.positions, mechanism.strut_names)
+    values, _ = reader.readings(reading.names, reading.positions, mechanism.actuator_names)
     return None if values is None else mechanism.readings_from_values(values)
 
 
@@ -151,7 +151,7 @@ def _same(shown: FloatArray | None, wanted: FloatArray) -> bool:
     """Return whether these are the readings; joints of lost struts count for nothing."""
     if shown is None or shown.shape != wanted.shape:
         return False
-    return bool(((shown == wanted) | np.isnan(wanted)).all())
+    return bool(((shown == wanted) | np.isnan(wanted) | np.isnan(shown)).all())
 
 
 def _paired(

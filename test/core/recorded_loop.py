@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from fault_tolerance.analysis.bags import write_bag
 from fault_tolerance.analysis.recorded_data import Sample
 from fault_tolerance.closed_loop import detected
-from fault_tolerance.control.failure_reports import ERROR, report_of
+from fault_tolerance.control.failure_reports import ERROR, part_names, report_of
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.state_machine import MOVING
@@ -105,7 +105,7 @@ class RecordedLoop:
         message = diagnostics(now, ('drive', part, ERROR, {'failure_mode': mode}))
         # Taken down late: after the joint state that came next.
         self._take('/diagnostics', message, now + PERIOD)
-        names = frozenset((*self.mechanism.actuator_names, *self.mechanism.strut_names))
+        names = part_names(self.mechanism)
         found = report_of('drive', part, ERROR, mode, 1e-9 * now, prefix='', names=names)
         if self.supervisor.reports([found], 1e-9 * now):
             self._cycle(now)
@@ -146,8 +146,8 @@ class RecordedLoop:
         twist = self._pointing.velocity(seen.pose, mechanism.origin, angle, rate)
         now = self._now + LATENCY
         self.supervisor.task_velocity(twist[mechanism.task.rows], 1e-9 * now)
-        lost = self.supervisor.output.failures.lost
-        values, _ = self._reader.readings(list(names), message.position.tolist(), lost)
+        failed = self.supervisor.failures.parts
+        values, _ = self._reader.readings(list(names), message.position.tolist(), failed)
         assert self.supervisor.joint_reading(values, 1e-9 * now, 1e-9 * self._now) is None
         self._cycle(now, answers=True)
         output = self.supervisor.output

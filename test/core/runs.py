@@ -74,7 +74,7 @@ def messages(
         return Message(f'{namespace}/{topic}', time, content)
 
     clock = start
-    labels = Fields(dim=[Fields(label=name, size=1, stride=1) for name in ACTUATORS])
+    labels = Fields(dim=[Fields(label=','.join(ACTUATORS), size=4, stride=4)])
     for index, (phase, state) in enumerate(zip(phases, states, strict=True)):
         off = (changes or {}).get(index, {}).get('error', error)
         begin = clock + round(BEFORE * SECOND)
@@ -98,7 +98,7 @@ def messages(
             if step % 10 == 0:
                 told = (state, failures) if inside else ('nominal', [])
                 yield message('fault_tolerance/metrics', now, metrics(now, *told))
-                yield message('fault_tolerance/metrics/position', now, Fields(
+                yield message('fault_tolerance/metrics/position_measures', now, Fields(
                     layout=labels, data=[0.5] * 4))
                 for name in SCALARS:
                     value = np.inf if name == 'hard_tolerance' else 0.5

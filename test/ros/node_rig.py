@@ -47,13 +47,18 @@ class NodeProcess:
     log : Path
         Where its output goes.
     namespace : str
+    words : str
+        Further ROS arguments.
     parameters : values as on a command line, by name
     """
 
-    def __init__(self, module: str, log: Path, namespace: str = '', **parameters: object) -> None:
+    def __init__(
+        self, module: str, log: Path, namespace: str = '', *words: str, **parameters: object
+    ) -> None:
         command = [sys.executable, '-m', f'fault_tolerance.nodes.{module}', '--ros-args']
         if namespace:
             command += ['-r', f'__ns:=/{namespace}']
+        command += words
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             command += ['-p', f'{name}:={text}']
@@ -94,9 +99,11 @@ def starting(folder: Path) -> Iterator[Callable[..., NodeProcess]]:
     """Yield start(module, namespace='', **parameters) -> NodeProcess, and end all it started."""
     processes: list[NodeProcess] = []
 
-    def started(module: str, namespace: str = '', **parameters: object) -> NodeProcess:
+    def started(
+        module: str, namespace: str = '', *words: str, **parameters: object
+    ) -> NodeProcess:
         log = folder / f'{len(processes)}_{module}.log'
-        processes.append(NodeProcess(module, log, namespace, **parameters))
+        processes.append(NodeProcess(module, log, namespace, *words, **parameters))
         return processes[-1]
 
     yield started

@@ -38,7 +38,7 @@ def test_a_quick_benchmark_writes_its_results(tmp_path):
     # Every report led to new kinematics, and so did every release.
     assert report['reconfigurations'] >= 2 * 2 * 6 - 2 * report['lost']
     targets = {one['quantity']: one for one in results['targets']}
-    assert len(targets) == 16
+    assert len(targets) == 17
     reached = targets['failure report -> first command, over the echo after the same pause']
     assert reached['measured'] > 0.0
     assert reached['must_met'] is (reached['measured'] <= reached['must'])

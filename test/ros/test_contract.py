@@ -18,8 +18,10 @@ from fault_tolerance.analysis.topics import RECORDED
 RELIABLE, SENSOR = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 SCALARS = (
     'position_tolerance', 'torque_tolerance', 'hard_tolerance', 'retained_manipulability',
-    'condition_number', 'active_failures', 'recovery_time',
+    'condition_number', 'active_failures', 'reconfiguration_time', 'tracking_error',
+    'time_since_report', 'internal_force',
 )
+ARRAYS = ('position_measures', 'torque_measures', 'hard_measures')
 PUBLISHED = {
     'velocity_controller/commands': (
         'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
@@ -28,6 +30,9 @@ PUBLISHED = {
         'fault_tolerance', 'sensor_msgs/msg/JointState', RELIABLE
     ),
     'fault_tolerance/state': ('fault_tolerance', 'std_msgs/msg/String', RELIABLE),
+    'fault_tolerance/status': (
+        'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticStatus', RELIABLE
+    ),
     'fault_tolerance/metrics': (
         'fault_tolerance', 'diagnostic_msgs/msg/DiagnosticArray', RELIABLE
     ),
@@ -39,10 +44,16 @@ PUBLISHED = {
         f'fault_tolerance/metrics/{name}': (
             'fault_tolerance', 'std_msgs/msg/Float64MultiArray', RELIABLE
         )
-        for name in ('position', 'torque', 'hard')
+        for name in ARRAYS
     },
     'fault_tolerance/achieved_velocity': (
         'fault_tolerance', 'geometry_msgs/msg/TwistStamped', RELIABLE
+    ),
+    'fault_tolerance/platform_pose': (
+        'fault_tolerance', 'geometry_msgs/msg/PoseStamped', RELIABLE
+    ),
+    'fault_tolerance/markers': (
+        'fault_tolerance', 'visualization_msgs/msg/MarkerArray', RELIABLE
     ),
     'joint_states': ('fsm', 'sensor_msgs/msg/JointState', SENSOR),
     'fsm/mirror_pose': ('fsm', 'geometry_msgs/msg/PoseStamped', SENSOR),
@@ -115,7 +126,7 @@ def test_everything_is_where_the_contract_says(running, namespace):
         assert info.node_namespace == (root.rstrip('/') or '/')
         assert info.qos_profile.reliability == reliability, topic
         latched = info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        assert latched is topic.endswith('/state'), topic
+        assert latched is topic.endswith(('/state', '/status')), topic
     for topic, (subscriber, reliability) in SUBSCRIBED.items():
         infos = node.get_subscriptions_info_by_topic(root + topic)
         (info,) = [one for one in infos if one.node_name == subscriber]
@@ -132,17 +143,21 @@ def test_everything_is_where_the_contract_says(running, namespace):
 
 def test_the_metrics_say_all_there_is_to_say(running, namespace):
     prefix = f'{namespace}/' if namespace else ''
+    # What went wrong while the nodes started is told of for some seconds.
+    calm = DiagnosticStatus.OK
+    running.wait(lambda: running.metrics[-1].status[0].level == calm, 'a level of OK')
     mechanism, *parts = running.metrics[-1].status
     assert mechanism.name == 'fault_tolerance: mechanism'
-    assert mechanism.level == DiagnosticStatus.OK
     assert mechanism.message.startswith('nominal: ')
     assert set(values_of(mechanism)) == {
         'state', 'failures', 'mobility', 'lost', 'gained', 'retained_manipulability',
         'position_measure', 'torque_measure', 'hard_measure', 'smallest_singular_value',
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
         'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
-        'rate_jump', 'out_of_range', 'inconsistent', 'suspected', 'not_told_apart',
-        'undetectable', 'latent_since_probe', 'internal_force',
+        'rate_jump', 'out_of_range', 'sensorless', 'inconsistent', 'suspected',
+        'not_told_apart', 'undetectable', 'latent_since_probe', 'internal_force',
+        'time_since_report',
+        'tracking_error',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]
@@ -163,8 +178,10 @@ def test_plots_have_topics_and_labels_of_their_own(running):
     }
     lists = {
         name: running.heard(Float64MultiArray, f'fault_tolerance/metrics/{name}')
-        for name in ('position', 'torque', 'hard')
+        for name in ARRAYS
     }
+    # Nothing has been reported: since when is not known.
+    assert not scalars.pop('time_since_report')
     heard = [*scalars.values(), *lists.values()]
     running.wait(lambda: all(heard), 'every metric')
     assert scalars['position_tolerance'][-1].data == pytest.approx(3**-0.5, abs=1e-3)
@@ -173,9 +190,10 @@ def test_plots_have_topics_and_labels_of_their_own(running):
     assert scalars['retained_manipulability'][-1].data == pytest.approx(1.0)
     assert scalars['active_failures'][-1].data == 0.0
     for name, messages in lists.items():
-        kind = 'strut' if name == 'hard' else 'theta'
-        labels = [entry.label for entry in messages[-1].layout.dim]
-        assert labels == [f'{kind}_{number}' for number in range(1, 5)]
+        kind = 'strut' if name == 'hard_measures' else 'theta'
+        (dimension,) = messages[-1].layout.dim
+        assert dimension.label == ','.join(f'{kind}_{number}' for number in range(1, 5))
+        assert (dimension.size, dimension.stride) == (4, 4)
         assert len(messages[-1].data) == 4
 
 
@@ -191,13 +209,17 @@ def test_metrics_come_five_times_a_second(running):
     running.wait(lambda: running.metrics and regular(), 'ten periods of metrics')
 
 
-def test_every_node_tells_of_its_own_health(running):
+def test_every_node_tells_of_its_own_health_with_its_namespace(running, namespace):
     diagnostics = running.heard(DiagnosticArray, '/diagnostics')
 
     def names():
         return {status.name for message in diagnostics for status in message.status}
 
-    wanted = {'fault_tolerance: controller', 'fsm: simulator', 'pointing: reference'}
+    prefix = f'{namespace}/' if namespace else ''
+    wanted = {
+        f'{prefix}{name}'
+        for name in ('fault_tolerance: controller', 'fsm: simulator', 'pointing: reference')
+    }
     running.wait(lambda: wanted <= names(), 'the health of all three nodes')
 
 

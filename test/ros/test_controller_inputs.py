@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from math import inf, isfinite, nan
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
@@ -380,3 +381,73 @@ def test_a_lost_struts_joints_may_be_missing_or_nan(asking, probe):
         asking.joint_state([0.0, 0.0, 0.0], name=NAMES[:3]),
     ):
         asking.settle([*NOMINAL[:3], 0.0], message)
+
+
+def test_one_message_per_joint_makes_one_step(asking, probe):
+    asking.settle(NOMINAL)
+    for _ in range(10):
+        probe.commands.clear()
+        stamp = asking.stamp()
+        for name in NAMES:
+            message = JointState(name=[name], position=[0.0])
+            message.header.stamp = stamp
+            asking.joint_states.publish(message)
+            probe.spin(0.003)
+        probe.spin(0.02)
+        if len(probe.commands) == 1:
+            break
+    # Best effort: a part may get lost, and then the next round completes the set.
+    assert len(probe.commands) == 1
+    np.testing.assert_allclose(probe.commands[-1].data, NOMINAL, atol=1e-6)
+
+
+@pytest.mark.parametrize('dead', [nan, None])
+def test_an_encoder_that_dies_with_its_drive_stops_nothing(asking, probe, dead):
+    asking.settle(NOMINAL)
+    asking.report('position', 'theta_4')
+    asking.reach('degraded')
+    if dead is None:
+        message = asking.joint_state([0.0, 0.0, 0.0], name=NAMES[:3])
+    else:
+        message = asking.joint_state([0.0, 0.0, 0.0, dead])
+    asking.settle(STUCK_4, message)
+    probe.metrics.clear()
+    probe.wait(lambda: asking.step(message) and probe.metrics, 'metrics')
+    assert probe.state == 'degraded'
+    assert probe.mechanism['sensorless'] == 'theta_4'
+
+
+def test_strangers_alone_are_nobodys_business(asking, probe, health):
+    asking.settle(NOMINAL)
+    for _ in range(20):
+        asking.joint_states.publish(asking.joint_state([0.1, nan], name=['gripper', 'finger']))
+        asking.step()
+    probe.spin(1.2)
+    assert set(health()) <= {'warned_several_commanders'}
+
+
+def test_jumps_are_counted_and_not_followed(asking, probe, health):
+    """A second publisher, whose readings come between the true ones."""
+    asking.settle(NOMINAL)
+    false = asking.joint_state([0.0, 0.5, 0.0, 0.0])
+
+    def held() -> bool:
+        false.header.stamp = asking.stamp()
+        asking.joint_states.publish(false)
+        probe.spin(0.005)
+        asking.joint_states.publish(asking.joint_state())
+        asking.ask(*asking.asked)
+        probe.spin(0.005)
+        return probe.state == 'hold'
+
+    probe.commands.clear()
+    probe.wait(held, 'a hold')
+    probe.metrics.clear()
+    probe.wait(lambda: held() and bool(probe.metrics), 'metrics')
+    assert 'theta_2 by 0.5 m' in probe.metrics[-1].status[0].message
+    for command in probe.commands:  # eased after a hold, and never towards the false reading
+        share = float(np.dot(command.data, NOMINAL) / np.dot(NOMINAL, NOMINAL))
+        np.testing.assert_allclose(command.data, share * np.array(NOMINAL), atol=1e-6)
+        assert -1e-6 < share < 1.0 + 1e-3
+    probe.wait(lambda: health().get('rejected_jump', 0) > 1, 'a counter')
+    asking.settle(NOMINAL)

@@ -37,9 +37,25 @@ def drained(queue: DiagnosticsQueue, now: float = 0.0, cost: float = 0.0) -> lis
 
 def test_what_cannot_be_a_report_is_left_aside():
     queue = DiagnosticsQueue(NAMES)
-    queue.put(b'battery of theta_1 12 V', 0.0)
+    queue.put(b'battery of wheel_1 12 V', 0.0)
     assert drained(queue) == []
     assert queue.dropped == 0
+
+
+def test_a_message_without_a_report_is_looked_at_now_and_then_if_it_names_a_part():
+    queue, text = DiagnosticsQueue(NAMES), b'ERROR of theta_1 without a mode'
+    for number in range(100):
+        queue.put(text + str(number).encode(), 0.0)
+    assert drained(queue, 0.0) == [text + b'0']
+    # Of a flood, and behind what has a failure mode: the later of the newest.
+    for number in range(1000):
+        queue.put(text + str(number).encode(), 1.0 + 0.001 * number)
+    queue.put(report('a'), 2.0)
+    found = drained(queue, 2.0)
+    assert found[0] == report('a')
+    assert 1 <= len(found) <= 3
+    queue.put(text + b'x' * MAX_BYTES, 3.0)
+    assert drained(queue, 3.0) == []
 
 
 def test_a_repeat_is_left_aside_for_half_a_second():

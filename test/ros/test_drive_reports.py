@@ -90,7 +90,7 @@ class Machine:
         """Return the newest report of every drive and rule."""
         return {
             status.name: status for message in list(self.heard) for status in message.status
-            if 'failure_mode' in values_of(status) and status.name.startswith('drive_reports')
+            if 'failure_mode' in values_of(status) and 'drive_reports: ' in status.name
         }
 
 
@@ -172,13 +172,13 @@ def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
     node = start('drive_reports', 'left', mechanism='fsm_4_strut', rules=rules)
     machine = Machine(Probe('left'))
     machine.codes(0, 1, 0, 0)
-    name = 'drive_reports: theta_2 (amplifiers)'
+    name = 'left/drive_reports: theta_2 (amplifiers)'
     own: list[Any] = []
 
     def told() -> bool:
         machine._probe.listen(0.02)
         own[:] = [status for message in machine.heard for status in message.status
-                  if status.name == 'drive_reports: rules']
+                  if status.name == 'left/drive_reports: rules']
         return bool(own) and mode_of(machine, name) == 'torque'
 
     probe.wait(told, 'the other rule to work')

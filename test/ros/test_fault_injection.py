@@ -57,7 +57,7 @@ class Bench:
 
     @property
     def health(self) -> DiagnosticStatus | None:
-        mine = [status for status in self.statuses if status.name == 'fsm: simulator']
+        mine = [status for status in self.statuses if status.name.endswith('fsm: simulator')]
         return mine[-1] if mine else None
 
     def wait_for_reports(self, **modes: str) -> None:

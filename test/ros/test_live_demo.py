@@ -70,7 +70,7 @@ def test_recovery_is_seen_to_work(tmp_path):
     assert -0.1 < found['delay_from_micrometre'] <= found['delay']
     assert silent['peak_force']['recovered'] <= 0.5 * silent['peak_force']['unrecovered']
     assert stuck['peak_force']['recovered'] <= 0.1 * stuck['peak_force']['unrecovered']
-    assert 0.0 < stuck['measures']['recovery_time'] < 0.1
+    assert 0.0 < stuck['measures']['reconfiguration_time'] < 0.1
     assert (folder / 'report.png').read_bytes().startswith(b'\x89PNG')
     names = {path.name for path in folder.iterdir()}
     assert names == {'summary.json', 'report.png', 'report.svg', 'report.html', 'run.mcap',

@@ -106,7 +106,8 @@ def test_arrays_hold_what_they_were_given():
     assert list(sent(array_to_msg(np.array([1, 2]))).data) == [1.0, 2.0]
     message = sent(labelled_array_to_msg({'theta_1': 0.5, 'theta_2': 1.0}))
     assert list(message.data) == [0.5, 1.0]
-    assert [entry.label for entry in message.layout.dim] == ['theta_1', 'theta_2']
+    (dimension,) = message.layout.dim
+    assert (dimension.label, dimension.size, dimension.stride) == ('theta_1,theta_2', 2, 2)
     vector = sent(vector_to_msg(STAMP, 'base_link', np.array([1.0, 2.0, 3.0]))).vector
     assert (vector.x, vector.y, vector.z) == (1.0, 2.0, 3.0)
 

@@ -5,6 +5,8 @@
 import subprocess
 import sys
 
+import pytest
+
 
 def command(*words):
     return subprocess.run(
@@ -27,6 +29,7 @@ def test_a_fault_is_injected_and_released(start, probe):
         assert (refused.returncode, refused.stdout) == (2, '')
         assert refused.stderr.count('\n') == 1
         assert words.split()[1 if 'theta_9' in words else 0] in refused.stderr
+        assert ('theta_9' in words) is ('theta_1, theta_2' in refused.stderr)
     released = command('clear')
     assert released.returncode == 0, released.stderr
     assert released.stdout == 'released theta_4 (position); now nominal\n'
@@ -40,4 +43,41 @@ def test_a_fault_is_injected_and_released(start, probe):
 def test_without_nodes_it_says_so_in_one_line():
     done = command('inject', 'ok', 'all')
     assert done.returncode == 2
-    assert done.stderr == 'fault_tolerance: no answer within 10 s from the controller\n'
+    assert done.stderr == 'fault_tolerance: no answer within 10 s from the simulator /fsm\n'
+
+
+def test_other_names_and_namespaces_can_be_told(start, probe):
+    start('fsm_simulator', 'robot', '-r', '__node:=mirror', mechanism='fsm_4_strut')
+    start('controller', 'robot', '-r', '__node:=keeper', mechanism='fsm_4_strut')
+    at_robot = ('--namespace', '/robot')
+
+    broken = command('inject', *at_robot, '--node', 'mirror', 'stuck', 'theta_4')
+    assert broken.returncode == 0, broken.stderr
+    assert broken.stdout == 'injected; no controller /robot/fault_tolerance is heard\n'
+    seen = command('watch', *at_robot, '--node', 'keeper', '--duration', '4')
+    assert (seen.returncode, seen.stderr) == (0, '')
+    assert 'theta_4 stuck' in seen.stdout
+    kept = command('clear', *at_robot, '--node', 'keeper')
+    assert (kept.returncode, kept.stdout) == (
+        1, 'still reported: theta_4 (position); now degraded\n'
+    )
+    unseen = command('watch', '--duration', '1')
+    assert unseen.returncode == 1
+
+
+@pytest.mark.parametrize(
+    'module', ['controller', 'drive_reports', 'fsm_simulator', 'pointing_reference'])
+def test_a_node_has_help_and_refuses_what_it_does_not_know(module):
+    def node(*words):
+        return subprocess.run(
+            [sys.executable, '-m', f'fault_tolerance.nodes.{module}', *words],
+            capture_output=True, text=True, timeout=60,
+        )
+
+    helped = node('--help', '--ros-args', '-p', 'mechanism:=fsm_4_strut')
+    assert (helped.returncode, helped.stderr) == (0, '')
+    assert f'usage: fault_tolerance_{module} ' in helped.stdout
+    assert '  mechanism (default: mirror_4_strut)\n' in helped.stdout
+    refused = node('--mechanism', 'fsm_4_strut')
+    assert (refused.returncode, refused.stdout) == (2, '')
+    assert refused.stderr.count('\n') == 1 and "unknown argument '--mechanism'" in refused.stderr

@@ -81,13 +81,13 @@ class Bench:
         for kind, topic, wanted in (
             (Float64MultiArray, 'velocity_controller/commands', count),
             (TwistStamped, 'fault_tolerance/achieved_velocity', 6),
-            (Float64MultiArray, 'fault_tolerance/metrics/position', count),
-            (Float64MultiArray, 'fault_tolerance/metrics/torque', count),
-            (Float64MultiArray, 'fault_tolerance/metrics/hard', len(MECHANISM.struts)),
+            (Float64MultiArray, 'fault_tolerance/metrics/position_measures', count),
+            (Float64MultiArray, 'fault_tolerance/metrics/torque_measures', count),
+            (Float64MultiArray, 'fault_tolerance/metrics/hard_measures', len(MECHANISM.struts)),
             *((Float64, f'fault_tolerance/metrics/{name}', 1) for name in (
                 'position_tolerance', 'torque_tolerance', 'hard_tolerance',
                 'retained_manipulability', 'condition_number', 'active_failures',
-                'recovery_time')),
+                'reconfiguration_time', 'tracking_error')),
             (JointState, '/other/joint_states', 3 * count),
             (TwistStamped, '/other/fsm/mirror_velocity', 6),
             (TwistStamped, '/other/fault_tolerance/task_velocity', 6),
@@ -278,7 +278,7 @@ def test_nonsense_on_every_input(bench, probe):
         bench.cleared()
 
     # Everybody has counted what was left aside, and the mirror that was sent nonsense still works.
-    names = ('fault_tolerance: controller', 'fsm: simulator', 'pointing: reference')
+    names = ('fault_tolerance: controller', 'other/fsm: simulator', 'other/pointing: reference')
     probe.wait(lambda: all(bench.rejected(one) for one in names), f'counters in {bench.health}')
     faults = bench.targets[4][0]
     poses = probe.heard(JointState, '/other/joint_states', qos_profile_sensor_data)

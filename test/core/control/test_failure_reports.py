@@ -4,7 +4,7 @@
 """Failure reports: whose part they are about, and what they state."""
 
 import pytest
-from core.mechanisms import by_numbers, made
+from core.mechanisms import by_numbers, even_mirror, made
 
 from fault_tolerance.control.failure_reports import (
     ERROR,
@@ -14,6 +14,7 @@ from fault_tolerance.control.failure_reports import (
     Report,
     interpret,
     is_foreign,
+    part_names,
     report_of,
     target_of,
 )
@@ -22,7 +23,7 @@ from fault_tolerance.kinematics.failures import FailureMode, failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 MECHANISM = mechanism_named('fsm_4_strut')
-NAMES = frozenset((*MECHANISM.actuator_names, *MECHANISM.strut_names))
+NAMES = part_names(MECHANISM)
 
 
 def stated(mode, target='theta_4', level=ERROR, *, mechanism=MECHANISM, stop=True):
@@ -57,7 +58,19 @@ def test_a_hardware_id_names_a_part_of_this_robot_only(hardware_id, prefix, expe
 
 
 def test_a_name_with_a_slash_in_it_is_taken_as_it_stands():
-    assert target_of('arm/drive', 'left', {'arm/drive'}) == 'arm/drive'
+    assert target_of('arm/drive', 'left', {'arm/drive': 'arm/drive'}) == 'arm/drive'
+
+
+def test_the_name_of_a_joint_in_joint_states_means_its_actuator_unless_a_part_is_named_so():
+    document = even_mirror(4)
+    for strut, name in ((2, 'strut_1'), (3, 'robot_joint_7')):
+        drive = next(one for one in document['struts'][strut]['joints'] if one.get('actuated'))
+        drive['joint_state_name'] = name
+    names = part_names(made(document))
+
+    assert target_of('left/robot_joint_7', 'left', names) == 'theta_4'
+    assert target_of('strut_1', '', names) == 'strut_1'
+    assert target_of('theta_3', '', names) == 'theta_3'
 
 
 def test_another_robots_parts_are_told_from_unknown_ones():

@@ -134,4 +134,5 @@ def test_a_reader_goes_by_the_names_of_each_message():
     for names, positions in ((NAMES, POSITIONS), (NAMES[::-1], POSITIONS[::-1])) * 2:
         found = reader.readings(list(names), positions)
         np.testing.assert_array_equal(found.values, POSITIONS)
+    assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS) == (None, None)
     assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS).notice.reason == 'missing_joint'

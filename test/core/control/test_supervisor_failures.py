@@ -321,13 +321,13 @@ def test_without_recovery_it_commands_as_if_nothing_had_failed_but_still_stops()
 def test_the_time_of_a_recovery_runs_from_the_report_to_the_command():
     ticks = iter(range(100))
     supervisor = fed(FSM, velocity=ASKED, clock=lambda: float(next(ticks)))
-    assert supervisor.step(0.0).recovery_time == 0.0
+    assert supervisor.step(0.0).reconfiguration_time == 0.0
     supervisor.reports([report('stuck', 'theta_4')], 0.0)
-    assert supervisor.step(0.0).recovery_time == 1.0
+    assert supervisor.step(0.0).reconfiguration_time == 1.0
     assert next(ticks) == 2
 
     supervisor.reports([report('stuck', 'theta_4')], 0.0)
-    assert supervisor.step(0.0).recovery_time == 1.0
+    assert supervisor.step(0.0).reconfiguration_time == 1.0
 
 
 def test_a_failure_away_from_home_is_judged_there():

@@ -188,3 +188,35 @@ def test_a_pose_sensor_tells_lost_struts_apart(moving):
     loop.inject('silent lost strut_3')
     probed(loop)
     assert named(loop) == [{'hard:strut_3'}]
+
+
+def cleared_at_rest(*repairs):
+    """Return a loop at rest that has found a stuck drive, and has been cleared later."""
+    loop = loop_of(reference=REST, monitor=MonitorSettings('act'))
+    loop.run(1.7)
+    loop.inject('silent stuck theta_4')
+    probed(loop)
+    assert loop.supervisor.output.state is State.DEGRADED
+    for repair in repairs:
+        loop.inject(repair)
+    loop.run(3.5)
+    loop.clear()
+    loop.run(PERIOD)
+    assert loop.supervisor.output.state is State.NOMINAL
+    return loop
+
+
+def test_what_is_cleared_and_still_there_is_found_again_at_rest():
+    loop = cleared_at_rest()
+    loop.run(2.5)
+    assert loop.supervisor.output.state is State.DEGRADED
+    assert [one.name for one in suspected(loop)] == ['theta_4']
+
+
+def test_what_is_cleared_and_mended_stays_released():
+    loop = cleared_at_rest('silent ok theta_4')
+    loop.run(2.5)
+    assert loop.supervisor.output.state is State.NOMINAL
+    assert named(loop) == []
+    assert 'no latent failure' in loop.monitor.finding
+    assert not loop.monitor.probing

@@ -172,5 +172,8 @@ def test_analyzers_know_what_this_package_says():
         ('fsm: simulator', 'Nodes'), ('pointing: reference', 'Nodes'),
         ('fault_tolerance: detection', 'Not reported'), ('fsm: theta_4', 'Drives'),
         ('drive_reports: theta_4 (status word)', 'Drives'),
+        ('robots/left/drive_reports: theta_4 (status word)', 'Drives'),
+        ('robots/left/drive_reports: rules', 'Nodes'),
+        ('left/fault_tolerance: controller', 'Nodes'),
     ):
         assert places(name) == [place]

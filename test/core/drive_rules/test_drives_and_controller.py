@@ -12,7 +12,7 @@ from core.drive_rules.drive_messages import (
     watch,
 )
 
-from fault_tolerance.control.failure_reports import ERROR, OK, report_of
+from fault_tolerance.control.failure_reports import ERROR, OK, part_names, report_of
 
 PREFIX = 'mirror'
 
@@ -23,7 +23,7 @@ class Machine:
     def __init__(self, rules, mechanism):
         self.watch, self.supervisor = watch(rules, mechanism), fed(mechanism)
         self.now = 0.0
-        self.names = {*mechanism.actuator_names, *mechanism.strut_names}
+        self.names = part_names(mechanism)
 
     def take(self, topic, message):
         """Return state and failures after a message."""

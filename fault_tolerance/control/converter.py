@@ -1,0 +1,136 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Brakes and releases that turn failures which must not stand into such as may (section III-F)."""
+
+from __future__ import annotations
+
+from math import inf
+
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.control.output import Output
+from fault_tolerance.errors import FailureError
+from fault_tolerance.kinematics.conversion import Conversion, best_conversion
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.mechanism.description import Mechanism
+
+CONFIRMATION = 1.0
+"""Seconds after which a brake or a release that nobody has confirmed is told of."""
+
+
+class Converter:
+    """Finds the best conversion of the failures in force, and may ask for it.
+
+    It is asked for only where the failures must not stand as they are: a brake that engages and a
+    strut that comes off are failures too. What is in force changes when the drive reports it, and
+    then the stop is lifted; without a report the stop stays.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    acting : bool
+        Whether brakes and releases are commanded, or only advised.
+
+    Attributes
+    ----------
+    brakes, releases : tuple of str
+        Actuators that have a brake, and struts that can be released.
+    engaged : tuple of str
+        Those of which brake or release is commanded.
+    advice : Conversion or None
+        The best conversion of the failures in force; None where there is nothing better.
+    """
+
+    def __init__(self, mechanism: Mechanism, acting: bool) -> None:
+        self._mechanism, self._acting = mechanism, acting
+        self.brakes = tuple(one.name for one in mechanism.actuators if one.brake)
+        self.releases = tuple(one.name for one in mechanism.struts if one.release)
+        self.engaged: tuple[str, ...] = ()
+        self.advice: Conversion | None = None
+        self._judged = FailureSet()
+        self._goal: FailureSet | None = None
+        self._asked = inf
+
+    def consider(self, output: Output, now: float) -> bool:
+        """Look at the failures of an ``output`` (``now``, s), unless they have been looked at.
+
+        Takes milliseconds: to be called after the command. Returns whether what is commanded has
+        changed.
+
+        Parameters
+        ----------
+        output : Output
+        now : float
+
+        Returns
+        -------
+        bool
+        """
+        failures, estimate, before = output.failures, output.estimate, self.engaged
+        if failures is self._judged or not (self.brakes or self.releases) or not estimate.located:
+            return False
+        self._judged, self.advice = failures, None
+        self.engaged = tuple(name for name in before if self._concerns(name, failures))
+        if failures != self._goal:
+            self._goal, self._asked = None, inf
+        if failures:
+            try:
+                found = best_conversion(estimate.post.rows, failures)
+            except FailureError:  # so many failures that nobody waits for the best answer
+                return self.engaged != before
+            self.advice = found.best if found.best.actions else None
+        best = self.advice
+        if best and self._acting and best.verdict.tolerable and not estimate.tolerated:
+            asked = (new.name for _, new in best.actions)
+            self.engaged = tuple(dict.fromkeys((*self.engaged, *asked)))
+            self._goal, self._asked = best.failures, now
+        return self.engaged != before
+
+    def confirms(self, failures: FailureSet) -> bool:
+        """Return whether ``failures`` are what was asked for; then it is done.
+
+        Parameters
+        ----------
+        failures : FailureSet
+
+        Returns
+        -------
+        bool
+        """
+        done = self._goal is not None and failures == self._goal
+        if done:
+            self._goal, self._asked = None, inf
+        return done
+
+    def overdue(self, now: float) -> Notice | None:
+        """Return that something asked for has not been confirmed ``now`` (s), once.
+
+        Parameters
+        ----------
+        now : float
+
+        Returns
+        -------
+        Notice or None
+        """
+        if now < self._asked + CONFIRMATION:
+            return None
+        self._asked = inf
+        text = f'not confirmed within {CONFIRMATION:g} s: {", ".join(self.engaged)}'
+        return Notice('conversion', f'brake or release {text}', rejected=False)
+
+    def __str__(self) -> str:
+        """Return what is advised or commanded, as ``torque:theta_1 to position:theta_1``."""
+        if self.advice is None:
+            return ', '.join(f'{name} engaged' for name in self.engaged)
+        actions = ', '.join(f'{old} to {new}' for old, new in self.advice.actions)
+        return f'{actions}: {"commanded" if self._goal is not None else "advised"}'
+
+    def _concerns(self, name: str, failures: FailureSet) -> bool:
+        """Return whether a part engaged has a failure still."""
+        if name in failures.parts:
+            return True
+        if name not in self._mechanism.strut_names:
+            strut = self._mechanism.strut_of(name)
+            return bool(strut) and strut in failures.lost
+        return any(one in failures.parts for one in self._mechanism.actuators_of(name))

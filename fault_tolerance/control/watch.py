@@ -1,0 +1,139 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is watched beside the commands: strokes, motion, tracking, saturation, forces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf, nan
+
+import numpy as np
+
+from fault_tolerance.control.notices import Notice
+from fault_tolerance.control.output import Output
+from fault_tolerance.control.plausibility import Plausibility
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+
+WINDOW = 0.1
+"""Seconds over which commanded and measured rates are compared, at least.
+
+Commands act some milliseconds late, and readings are noisy: both matter less over longer times.
+"""
+
+LONGEST_GAP = 1.0
+"""Seconds without anything to watch after which the comparison begins anew."""
+
+
+class Tracking:
+    """Compares the travel measured with the travel commanded, for the actuators of ``mechanism``.
+
+    ``error`` is the largest difference over the last `WINDOW`, m/s, turning drives at the
+    characteristic length.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.error = 0.0
+        self._scale = mechanism.rate_scale
+        self._rates = self._travel = 0.0 * self._scale
+        self._start: tuple[float, FloatArray] | None = None
+        self._now = -inf
+
+    def observe(self, now: float, values: FloatArray | None, rates: FloatArray) -> None:
+        """Take the readings ``values`` (N,), None if there are no new ones, and the command.
+
+        ``now`` is in seconds; ``rates`` (N,) are in force from now on, rad/s and m/s.
+        """
+        elapsed = now - self._now
+        if 0.0 <= elapsed <= LONGEST_GAP:
+            self._travel = self._travel + elapsed * self._rates
+        else:
+            self._start = None
+        self._now, self._rates = now, rates
+        if values is None:
+            return
+        if self._start is not None:
+            begin, before = self._start
+            if now - begin < WINDOW:
+                return
+            missing = self._scale * np.abs(values - before - self._travel) / (now - begin)
+            # Those of lost struts have no reading.
+            self.error = float(np.fmax.reduce(missing, initial=0.0))
+        self._start, self._travel = (now, values), 0.0 * self._scale
+
+
+class Watch:
+    """Watches one mechanism with the limits in ``settings``.
+
+    Attributes
+    ----------
+    settings : Settings
+    tracking_error, internal_force : float
+        m/s and N, as last observed; a force that is not known is NaN.
+    """
+
+    def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
+        self.settings = settings
+        self.internal_force = nan
+        self._strokes = Plausibility(mechanism)
+        self._tracking = Tracking(mechanism)
+        self._free_at = -inf
+        self._readings: FloatArray | None = None
+        self._excesses: dict[str, Notice] = {}
+
+    @property
+    def tracking_error(self) -> float:
+        """The largest difference of rates commanded and measured, m/s."""
+        return self._tracking.error
+
+    @property
+    def out_of_range(self) -> tuple[str, ...]:
+        """Actuators whose readings lie beyond their strokes."""
+        return self._strokes.out_of_range
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """What there is to warn of, for as long as it lasts."""
+        return (*self._strokes.notices, *self._excesses.values())
+
+    def observe(
+        self, now: float, output: Output, internal_force: float
+    ) -> tuple[Notice, ...]:
+        """Take the ``output`` of a step ``now`` (s); return what is to be warned of and was not.
+
+        ``internal_force`` is in N, NaN where it is not known.
+        """
+        read = output.estimate.readings
+        readings = None if read is self._readings else read
+        self._readings = read
+        news = () if readings is None else self._strokes.observe(readings)
+        self._tracking.observe(now, readings, output.rates)
+        self.internal_force = internal_force
+        before, self._excesses = self._excesses, {}
+        for notice in self._found(now, output):
+            # The words stay as they were first.
+            self._excesses[notice.reason] = before.get(notice.reason, notice)
+        begun = (one for reason, one in self._excesses.items() if reason not in before)
+        return (*news, *begun)
+
+    def _found(self, now: float, output: Output) -> Iterator[Notice]:
+        settings = self.settings
+        if output.standstill:
+            yield Notice('standstill', output.standstill, rejected=False)
+        for reason, value, limit, unit in (
+            ('internal_force', self.internal_force, settings.internal_force_limit, 'N'),
+            ('tracking_error', self.tracking_error, settings.tracking_error_limit, 'm/s'),
+        ):
+            if 0.0 < limit < value:
+                text = f'{reason.replace("_", " ")} of {value:.3g} {unit} (limit {limit:g})'
+                yield Notice(reason, text, rejected=False)
+        if not settings.saturation_limit:
+            return
+        names = output.saturation
+        if not names or self._free_at == -inf:
+            self._free_at = now
+        elif now - self._free_at > settings.saturation_limit:
+            text = f'{", ".join(names)} at a limit for {settings.saturation_limit:g} s'
+            yield Notice('saturation', text, rejected=False)

@@ -1,0 +1,56 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The command line of a node beside that of ROS: ``--help``, and a word for what is not known."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from rclpy.utilities import remove_ros_args
+
+from fault_tolerance.nodes.parameters import Parameter
+from fault_tolerance.nodes.spinning import BAD_SET_UP
+
+_USAGE = """{purpose}
+
+usage: {program} [--help] [--ros-args [-p NAME:=VALUE]... [--params-file FILE]
+       [-r __ns:=NAMESPACE] [-r FROM:=TO]... [--log-level LEVEL]]
+
+parameters:
+{parameters}"""
+
+
+def exit_code(
+    node: str, purpose: str, table: Sequence[Parameter], args: list[str] | None
+) -> int | None:
+    """Return the exit code of a request for help, or of what no node understands; None: go on.
+
+    For a ``node`` with its ``purpose``, a docstring, and the ``table`` of its parameters; ``args``
+    are its command line, by default that of the process.
+    """
+    try:
+        words = remove_ros_args(sys.argv)[1:] if args is None else remove_ros_args(args)
+    except Exception:  # wrong ROS arguments: refused in so many words when ROS is initialised
+        return None
+    if {'-h', '--help'} & set(words):
+        lines = '\n'.join(map(_line, table))
+        first = purpose.strip().splitlines()[0]
+        print(_USAGE.format(purpose=first, program=f'fault_tolerance_{node}', parameters=lines))
+        return 0
+    if words:
+        hint = 'parameters go after --ros-args, as -p NAME:=VALUE; see --help'
+        print(f'{node}: unknown argument {words[0]!r} ({hint})', file=sys.stderr)
+        return BAD_SET_UP
+    return None
+
+
+def _line(parameter: Parameter) -> str:
+    """Return one parameter as help: name and default, and below what it is."""
+    default = parameter.default
+    shown = str(default).lower() if isinstance(default, bool) else default
+    unit = f' [{parameter.unit}]' if parameter.unit else ''
+    choices = f': {", ".join(parameter.choices)}' if parameter.choices else ''
+    head = f'  {parameter.name} (default: {shown if shown != "" else "empty"})'
+    return f'{head}\n      {parameter.description}{choices}{unit}'
