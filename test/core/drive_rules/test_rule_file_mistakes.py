@@ -4,9 +4,12 @@
 
 import copy
 import re
+from types import SimpleNamespace
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fault_tolerance.drive_rules.drive_watch import DriveWatch
 from fault_tolerance.drive_rules.rule_files import rules_from_text, rules_named
@@ -27,7 +30,7 @@ def document(path=(), value=None):
     place = rule
     for key in path[:-1]:
         place = place[key]
-    if path and value is None:
+    if path and value is None and path[-1] in (place if isinstance(place, dict) else ()):
         del place[path[-1]]
     elif path:
         place[path[-1]] = value
@@ -96,6 +99,35 @@ def test_a_mistake_is_named(path, value, message):
 ])
 def test_a_text_that_is_no_rule_file(text, message):
     refused(text, message)
+
+
+PLACES = [
+    [], ['name'], ['topic'], ['type'], ['field'], ['otherwise'], ['drives'], ['best_effort'],
+    ['cases'], ['cases', 0], *(['cases', 1, key] for key in (
+        'says', 'text', 'is', 'mask', 'bits', 'within', 'matches', 'once_enabled')),
+]
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers(-2**70, 2**70) | st.floats() | st.text(max_size=8)
+    | st.sampled_from(['well', 'stop', 'data[{drive}]', 'a[.b~{drive}(]', '{joint}',
+                       '\\', '(?P<a>']),
+    lambda inner: st.lists(inner, max_size=3)
+    | st.dictionaries(st.text(max_size=4) | st.integers(0, 3), inner, max_size=3), max_leaves=6)
+
+
+@given(st.sampled_from(PLACES), ANYTHING, st.sampled_from(['name', 'is', 'other']))
+def test_anything_anywhere_is_read_or_refused_in_one_line(place, value, key):
+    content = document(place, value) if place else {'rules': [{key: value}], 'drives': value}
+    try:
+        watch = DriveWatch(
+            rules_from_text(yaml.safe_dump(content, allow_unicode=True), 'my.yaml'),
+            mechanism_named('fsm_4_strut'))
+    except MechanismError as error:
+        assert str(error).startswith('my.yaml: ') and str(error).isprintable()
+        return
+    for topic in watch.topics:
+        for number in (0, 1, 2, -1.5, float('nan'), 'x'):
+            watch.take(topic, SimpleNamespace(data=number))
+    assert len(watch.reports()) <= 4
 
 
 def test_two_rules_of_one_name():
