@@ -133,6 +133,14 @@ class DriveWatch:
         watched = {one for drive in self.drives for one in drive.actuators}
         return tuple(one for one in self.mechanism.actuator_names if one not in watched)
 
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Parts with a drive that was heard of, and neither was well nor has failed."""
+        found = (
+            one.part for one in self.drives if one.seen and not (one.enabled or one.failures)
+        )
+        return tuple(dict.fromkeys(found))
+
     def unseen(self, topic: str) -> tuple[str, ...]:
         """Return the parts of which no message on ``topic`` has had a value."""
         return tuple(one.part for one in self._by_topic[topic] if not one.seen)

@@ -60,6 +60,7 @@ class DriveReports(Node):
         self._subscribers = self._looks = 0
         self._missing: list[str] = []
         self._silent: dict[str, str] = {}
+        self._heard: set[str] = set()
         self._complained: set[tuple[str, str]] = set()
         self._listen()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -91,6 +92,7 @@ class DriveReports(Node):
         if taken.changed:
             self._report()
         self._silent.pop(topic, None)
+        self._heard.add(topic)
         for name, reason in taken.complaints:
             self._health.count('rejected_messages')
             if (name, reason) not in self._complained:
@@ -112,21 +114,20 @@ class DriveReports(Node):
         """Tell of topics nobody publishes on, and of drives that are in no message."""
         for topic, name in self._silent.items():
             self.get_logger().warning(f'nothing on {topic} yet: the rule {name} waits for it')
-        for topic in self._watch.topics.keys() - self._silent.keys():
+        for topic in sorted(self._heard):
             parts = self._watch.unseen(topic)
             if parts:
                 text = f'{topic} says nothing of {", ".join(dict.fromkeys(parts))}'
                 self.get_logger().warning(f'{text}: is what it calls them right?')
 
     def _present(self) -> tuple[int, str]:
-        if self._missing:
-            return WARN, f'no message type {", ".join(self._missing)}'
-        if self._silent:
-            return WARN, f'waiting for {", ".join(self._silent)}'
-        unseen = dict.fromkeys(
-            part for topic in self._watch.topics for part in self._watch.unseen(topic)
-        )
-        return (WARN, f'nothing of {", ".join(unseen)}') if unseen else (OK, 'watching')
+        unseen = {part for topic in self._heard for part in self._watch.unseen(topic)}
+        concerns = {
+            'no message type': self._missing, 'waiting for': self._silent,
+            'nothing of': sorted(unseen), 'not well yet:': self._watch.idle,
+        }
+        texts = [f'{what} {", ".join(names)}' for what, names in concerns.items() if names]
+        return (WARN, '; '.join(texts)) if texts else (OK, 'watching')
 
     def _report(self) -> None:
         statuses = [self._status(one) for one in self._watch.reports()]

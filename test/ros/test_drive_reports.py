@@ -185,13 +185,15 @@ def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
     # In a namespace another robot's controller must not take it for its own.
     assert machine.reports()[name].hardware_id == 'left/theta_2'
     assert own[-1].hardware_id == 'left/drive_reports'
-    assert own[-1].message == 'no message type other_vendors_msgs/msg/DriveState'
+    assert own[-1].level == DiagnosticStatus.WARN
+    assert 'no message type other_vendors_msgs/msg/DriveState; waiting for ' in own[-1].message
     assert node.output.count('other_vendors_msgs/msg/DriveState') == 1
     # What has said nothing after 5 s is told too.
     probe.wait(lambda: 'never heard waits for it' in node.output, 'the line about silence')
     assert 'nothing on never yet' in node.output
     probe.wait(lambda: 'is what it calls them right?' in node.output, 'the line about drives')
     assert '/diagnostics says nothing of theta_1, theta_2, theta_3, theta_4:' in node.output
+    assert 'elsewhere' not in node.output
     assert node.alive
     machine._probe.close()
 

@@ -153,6 +153,17 @@ def test_a_message_that_does_not_fit_is_complained_about_and_the_rest_works():
     assert set(said(watcher)) == {'theta_3', 'theta_4'}
 
 
+def test_a_drive_that_never_starts_is_no_failure_but_told():
+    watcher = watch('cia402')
+    assert watcher.idle == ()
+    for words, idle in (((0x40, 0x37, 0x08), ('theta_1',)), ((0x37, 0x40, 0x08), ())):
+        interfaces = [Message(interface_names=['status_word'], values=[float(one)])
+                      for one in words]
+        watcher.take('dynamic_joint_states', Message(
+            joint_names=['theta_1', 'theta_2', 'theta_3'], interface_values=interfaces))
+        assert watcher.idle == idle
+
+
 def test_names_that_never_come_again_do_not_fill_the_memory():
     watcher = watch('diagnostics')
     for number in range(3 * MOST_ELEMENTS):
