@@ -182,6 +182,12 @@ class ClosedLoop:
             monitor.detector.command(stamp, supervisor.output.rates)
         supervisor.move_beside(monitor.rates)
 
+    def _convert(self) -> None:
+        """Engage the brakes and let go the struts that the controller asks for."""
+        converter = self.supervisor.converter
+        for name in converter.engaged:
+            self.inject(f'{"position" if name in converter.brakes else "hard"} {name}')
+
     def forked(self, seed: int) -> ClosedLoop:
         """Return a copy that goes on from here by itself, with sensor noise of ``seed``."""
         twin = copy.deepcopy(self)
@@ -209,6 +215,8 @@ class ClosedLoop:
             self.plant.command(output.rates)
             if self.settings.monitor.detect != 'off':
                 self._listen(seen, output)
+            if self.supervisor.converter.consider(output, now):
+                self._convert()
             time[k] = now
             error[k] = platform_error(seen.pose, self.mechanism.origin, angle)
             efforts[k], rates[k] = seen.efforts, output.rates

@@ -22,6 +22,8 @@ ARRAYS = {
 JOINT_STATES = 'joint_states'
 COMMANDS = 'velocity_controller/commands'
 JOINT_COMMANDS = 'fault_tolerance/joint_commands'
+BRAKE_COMMANDS = 'fault_tolerance/brake_commands'
+RELEASE_COMMANDS = 'fault_tolerance/release_commands'
 STATE = 'fault_tolerance/state'
 METRICS = 'fault_tolerance/metrics'
 POINTING_ERROR = 'pointing/error'
@@ -36,6 +38,8 @@ RECORDED = {
     JOINT_STATES: 'sensor_msgs/msg/JointState',
     COMMANDS: 'std_msgs/msg/Float64MultiArray',
     JOINT_COMMANDS: 'sensor_msgs/msg/JointState',
+    BRAKE_COMMANDS: 'std_msgs/msg/Float64MultiArray',
+    RELEASE_COMMANDS: 'std_msgs/msg/Float64MultiArray',
     STATE: 'std_msgs/msg/String',
     'fault_tolerance/status': 'diagnostic_msgs/msg/DiagnosticStatus',
     METRICS: 'diagnostic_msgs/msg/DiagnosticArray',

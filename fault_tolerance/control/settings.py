@@ -11,6 +11,7 @@ from math import isfinite
 from typing import Literal
 
 UnknownMode = Literal['stop', 'ignore']
+Convert = Literal['advise', 'act']
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,9 @@ class Settings:
         N, m/s and s: above them there is a warning, for the force of the drives against each
         other, for the difference of rates commanded and measured, and for how long an actuator
         has been at a limit; 0: no limit.
+    convert : {'advise', 'act'}
+        Whether brakes and releases of the mechanism file are only advised, or commanded where
+        the failures are not tolerated otherwise.
     clock : callable, optional
         Returns seconds; measures the time a recovery takes. 0 s are given without it.
     """
@@ -74,6 +78,7 @@ class Settings:
     internal_force_limit: float = 0.0
     tracking_error_limit: float = 0.0
     saturation_limit: float = 0.0
+    convert: Convert = 'advise'
     clock: Callable[[], float] | None = None
 
     def __post_init__(self) -> None:
@@ -98,5 +103,7 @@ class Settings:
             raise ValueError(f'tolerance_threshold: {self.tolerance_threshold} is not in [0, 1]')
         if not 0.0 < self.hold_below < self.slow_below < 1.0:
             raise ValueError('hold_below, slow_below: expected 0 < hold_below < slow_below < 1')
+        if self.convert not in ('advise', 'act'):
+            raise ValueError(f'convert: {self.convert!r} is neither advise nor act')
         if self.unknown_mode not in ('stop', 'ignore'):
             raise ValueError(f'unknown_mode: {self.unknown_mode!r} is neither stop nor ignore')

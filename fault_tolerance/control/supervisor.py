@@ -16,6 +16,7 @@ from math import inf, nan
 import numpy as np
 
 from fault_tolerance.control.continuity import Continuity
+from fault_tolerance.control.converter import Converter
 from fault_tolerance.control.estimate import control_model, estimate
 from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
@@ -57,6 +58,8 @@ class Supervisor:
     settings : Settings
     output : Output
         What the last step gave.
+    converter : Converter
+        Looks at the failures when it is told to.
     """
 
     def __init__(
@@ -66,13 +69,9 @@ class Supervisor:
         kernel: Kernel | None = None,
     ) -> None:
         self.mechanism = mechanism
-        self.settings = settings or Settings()
-        self._readings = InputWatchdog(
-            'joint state', self.settings.joint_state_timeout, ordered=True
-        )
-        self._velocity = InputWatchdog(
-            'task velocity', self.settings.command_timeout, ordered=False
-        )
+        self.settings = given = settings or Settings()
+        self._readings = InputWatchdog('joint state', given.joint_state_timeout, ordered=True)
+        self._velocity = InputWatchdog('task velocity', given.command_timeout, ordered=False)
         self._ledger = FailureLedger(
             mechanism,
             auto_clear=self.settings.auto_clear,
@@ -84,6 +83,7 @@ class Supervisor:
         self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
         self._watch = Watch(mechanism, self.settings)
+        self.converter = Converter(mechanism, given.convert == 'act')
         self._continuity = Continuity(mechanism, self.settings.joint_state_timeout)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
@@ -139,8 +139,9 @@ class Supervisor:
             notice = unusable(self.mechanism, taken, failures.parts)
         notice = notice or self._readings.late(now, stamp)
         if notice is None:
-            moving = self.output.state in MOVING
-            taken, notice = self._continuity.followed(taken, now, stamp, failures, moving)
+            taken, notice = self._continuity.followed(
+                taken, now, stamp, failures, self.output.state in MOVING
+            )
         if notice is None:
             self._readings.take(taken, now, stamp)
             self._outdated = self._unread = True
@@ -176,8 +177,9 @@ class Supervisor:
         self._pass_time(now)
         update = self._ledger.apply(reports, now)
         if update.changed:
-            self._outdated = True
-            self._reported_at = started
+            self._outdated, self._reported_at = True, started
+            if self.converter.confirms(self._ledger.failures):
+                self._machine.release()
         return update
 
     def clear(self, now: float) -> ClearOutcome:
@@ -190,8 +192,7 @@ class Supervisor:
         self._pass_time(now)
         cleared = self._ledger.clear(now)
         self._continuity.forget()
-        self._outdated = True
-        self._errors = 0
+        self._outdated, self._errors = True, 0
         was_stopped = self._machine.release()
         state = self.step(now).state.value
         return clear_outcome(cleared, was_stopped and not self._machine.stop, state)

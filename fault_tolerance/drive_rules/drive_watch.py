@@ -8,6 +8,7 @@ A failure holds until a value says that the drive is well again, not for a time.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -34,6 +35,7 @@ LONGEST_MESSAGE = 200
 MOST_ELEMENTS = 100
 """Elements of one drive in one rule that may have failed at the same time."""
 
+_IN_TOPIC = re.compile(r'\w+(/\w+)*', re.ASCII)
 _ANSWERS = ('failure_mode', 'suspected_mode')
 _MODES: dict[Says, FailureMode] = {
     'stuck': FailureMode.POSITION, 'free': FailureMode.TORQUE, 'lost': FailureMode.HARD,
@@ -224,6 +226,8 @@ def _watched(source: str, rule: Rule, mechanism: Mechanism) -> Iterable[WatchedD
         except FieldError as error:
             raise MechanismError(source, key, error.reason) from None
         topic = rule.topic.replace(DRIVE, called)
+        if DRIVE in rule.topic and not _IN_TOPIC.fullmatch(called):
+            raise MechanismError(source, key, f'{called!r} cannot stand in the name of a topic')
         yield WatchedDrive(rule, part, called, topic, path, actuators)
 
 

@@ -85,6 +85,8 @@ def _drives(section: Section) -> Drives:
     found: dict[str, str] = {}
     for part in drives.keys():
         word = drives.get(part)
+        if not (str(part).isprintable() and str(word).isprintable()):
+            raise drives.error(part, 'contains letters that cannot be printed')
         if isinstance(word, bool) or not isinstance(word, (int, str)) or not str(word).strip():
             raise drives.error(part, 'is neither a name nor a whole number')
         if str(word) in found.values():

@@ -99,7 +99,10 @@ class Section:
 
     def where(self, key: object) -> str:
         """Return the full path of ``key``."""
-        return '.'.join(part for part in (self.path, str(key)) if part)
+        text = str(key)
+        # A line break in a key must not make two lines of an error.
+        return '.'.join(part for part in (self.path, text if text.isprintable() else ascii(text))
+                        if part)
 
     def has(self, key: object) -> bool:
         """Return whether ``key`` is given (and not null)."""

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from time import monotonic
+
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -13,13 +15,9 @@ from std_msgs.msg import Float64MultiArray
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import labelled_array_to_msg
-from fault_tolerance.nodes.spinning import Deferred
-from fault_tolerance.nodes.timeline import TimeLine
 
 PERIOD = 1.0
 """Seconds between two publications."""
-
-BRAKES, RELEASES = 'brake_commands', 'release_commands'
 
 
 class ConversionPublisher:
@@ -32,47 +30,30 @@ class ConversionPublisher:
     ----------
     node : Node
     supervisor : Supervisor
-        Whose failures are looked at, each time they have changed.
-    deferred : Deferred
-        Gets that work: it must not delay a command.
-    timeline : TimeLine
+        Whose failures are looked at.
     health : Health
         Tells of what nobody confirms.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        supervisor: Supervisor,
-        deferred: Deferred,
-        timeline: TimeLine,
-        health: Health,
-    ) -> None:
-        self._node, self._supervisor, self._deferred = node, supervisor, deferred
-        self._timeline, self._health = timeline, health
+    def __init__(self, node: Node, supervisor: Supervisor, health: Health) -> None:
+        self._node, self._supervisor, self._health = node, supervisor, health
         self._converter = converter = supervisor.converter
-        parts = {BRAKES: converter.brakes, RELEASES: converter.releases}
+        parts = {'brake_commands': converter.brakes, 'release_commands': converter.releases}
         self._publishers: list[tuple[Publisher, tuple[str, ...]]] = [
             (node.create_publisher(Float64MultiArray, f'~/{topic}', 10), names)
             for topic, names in parts.items() if names
         ]
-        self._judged: object = None
         if self._publishers:
             node.create_timer(PERIOD, self._repeat, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def update(self) -> None:
-        """Look at the failures of the last step, later, if they have changed."""
-        if self._publishers and self._supervisor.output.failures is not self._judged:
-            self._judged = self._supervisor.output.failures
-            self._deferred.add(self._consider)
-
-    def _consider(self) -> None:
-        if self._converter.consider(self._supervisor.output, self._timeline.now()):
+        """Look at the failures of the last step, if they have changed: takes milliseconds."""
+        if self._converter.consider(self._supervisor.output, monotonic()):
             self._node.get_logger().warning(f'conversion: {self._converter}')
             self._publish()
 
     def _repeat(self) -> None:
-        self._health.warn(self._converter.overdue(self._timeline.now()))
+        self._health.warn(self._converter.overdue(monotonic()))
         self._publish()
 
     def _publish(self) -> None:

@@ -99,6 +99,11 @@ class FaultInjection:
             raise FailureError(words, 'fault injection is off (parameter enable_fault_injection)')
         return fault_command(self._plant.mechanism, words)
 
+    def obey(self, command: FaultCommand) -> None:
+        """Carry out a ``command`` that brakes and releases amount to."""
+        self._apply(command)
+        self._show()
+
     def _apply(self, command: FaultCommand) -> None:
         self._plant.apply(command)
         book = self._book.after(command)

@@ -25,6 +25,7 @@ from fault_tolerance.nodes.markers import MarkerPublisher, View
 from fault_tolerance.nodes.messages import joint_state_to_msg, pose_to_msg, twist_to_msg
 from fault_tolerance.nodes.parameter_tables import SIMULATOR
 from fault_tolerance.nodes.parameters import declared_values, settings_from
+from fault_tolerance.nodes.simulated_brakes import SimulatedBrakes
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
 from fault_tolerance.nodes.usage import exit_code
@@ -60,6 +61,8 @@ class FsmSimulator(Node):
         self._injection = FaultInjection(
             self, self._plant, self._health, values['enable_fault_injection']
         )
+        if values['brakes_work']:
+            SimulatedBrakes(self, self._plant, self._injection.obey)
         self.create_subscription(
             Float64MultiArray, 'velocity_controller/commands', self._on_command, 10
         )

@@ -72,6 +72,10 @@ CONTROLLER = (
             'limit on the change of all rates together at a failure, a clearing or a resumption, '
             'rotary drives at the characteristic length; 1e9: none',
             'm/s^2', (1e-6, 1e9)),
+        convert=(
+            'brakes and releases of the mechanism file: only advised, or commanded where '
+            'failures are intolerable otherwise',
+            '', None, ('advise', 'act')),
         misfit_limit=(
             'hold if redundant joint readings disagree by more than this share of '
             'the characteristic length',
@@ -117,6 +121,7 @@ SIMULATOR = (
     Parameter('rate', 100.0, 'cycles per second', 'Hz', (1.0, 2000.0)),
     Parameter('seed', 0, 'seed of the sensor noise', '', (0, 2**31 - 1)),
     Parameter('enable_fault_injection', True, 'accept faults on ~/inject_fault and faults.*'),
+    Parameter('brakes_work', True, 'obey the brake and release commands of the controller'),
     *_fields(
         PlantSettings,
         actuator_stiffness=(

@@ -10,8 +10,7 @@ from collections.abc import Callable
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from fault_tolerance.analysis.topics import CONTROLLER
-from fault_tolerance.nodes.conversion_publisher import BRAKES, RELEASES
+from fault_tolerance.analysis.topics import BRAKE_COMMANDS, RELEASE_COMMANDS
 from fault_tolerance.simulation.faults import FaultCommand, FaultMode
 from fault_tolerance.simulation.state import Plant
 
@@ -39,7 +38,7 @@ class SimulatedBrakes:
         brakes = tuple(one.name for one in mechanism.actuators if one.brake)
         releases = tuple(one.name for one in mechanism.struts if one.release)
         for topic, names, engage in (
-            (BRAKES, brakes, self._brake), (RELEASES, releases, self._release)
+            (BRAKE_COMMANDS, brakes, self._brake), (RELEASE_COMMANDS, releases, self._release)
         ):
             if names:
                 self._listen(node, topic, names, engage)
@@ -54,7 +53,7 @@ class SimulatedBrakes:
                 for name, value in zip(labels, message.data, strict=True):
                     engage(name, value == 1.0)
 
-        node.create_subscription(Float64MultiArray, f'{CONTROLLER}/{topic}', obey, 10)
+        node.create_subscription(Float64MultiArray, topic, obey, 10)
 
     def _brake(self, name: str, engaged: bool) -> None:
         place = self._plant.mechanism.actuator_index(name)

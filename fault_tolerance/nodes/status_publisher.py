@@ -19,6 +19,7 @@ from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.arrays import decimal
+from fault_tolerance.nodes.conversion_publisher import ConversionPublisher
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import status_name, status_to_msg
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
@@ -53,6 +54,7 @@ class StatusPublisher:
         self._supervisor = supervisor
         self._health = health
         self._deferred, self._further, self._missing = deferred, further, missing
+        self._conversions = ConversionPublisher(node, supervisor, health)
         self._metrics = MetricsPublisher(node, supervisor.mechanism, prefix)
         self._names = status_name(node, 'status'), '/'.join(
             filter(None, (prefix, supervisor.mechanism.name))
@@ -105,6 +107,7 @@ class StatusPublisher:
             logger.info(text)
         else:
             logger.warning(text)
+        self._conversions.update()
         self._deferred.add(self.publish_metrics)
 
     def publish_metrics(self) -> None:
@@ -118,7 +121,10 @@ class StatusPublisher:
             self._metrics.publish(
                 self._node.get_clock().now().to_msg(), metrics,
                 self._health.with_notices(metrics.level, metrics.message),
-                {'residual': residual, 'report_stamp': self.report_stamp, **further},
+                {
+                    'residual': residual, 'report_stamp': self.report_stamp,
+                    'conversion': str(self._supervisor.converter), **further,
+                },
             )
 
     def _publish_status(self, output: Output, suspected: str) -> None:

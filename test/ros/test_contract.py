@@ -156,7 +156,7 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
         'rate_jump', 'out_of_range', 'sensorless', 'inconsistent', 'suspected',
         'not_told_apart', 'undetectable', 'latent_since_probe', 'internal_force',
-        'time_since_report',
+        'time_since_report', 'conversion',
         'tracking_error',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
@@ -236,6 +236,9 @@ def test_what_is_recorded_is_what_is_published():
         'fsm/inject_fault': 'std_msgs/msg/String',
         'operator/phase': 'std_msgs/msg/String',
         '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+        # Of a mechanism that has brakes, or struts that can be released.
+        'fault_tolerance/brake_commands': 'std_msgs/msg/Float64MultiArray',
+        'fault_tolerance/release_commands': 'std_msgs/msg/Float64MultiArray',
     }
     assert RECORDED == kinds | others
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fault_tolerance.drive_rules.drive_watch import DriveWatch
@@ -82,6 +82,7 @@ def refused(content, message):
     (['drives'], {}, 'rules.state.drives: is empty'),
     (['drives'], 'axis', "drives: 'axis' contains none of {joint}, {number}, {index}"),
     (['drives'], {'theta_1': 1.5}, 'drives.theta_1: is neither a name nor a whole number'),
+    (['drives'], {'a\nb': 1}, "drives.'a\\nb': contains letters that cannot be printed"),
     (['drives'], {'theta_1': 1, 'theta_2': 1}, 'drives.theta_2: 1 is two drives; what one drive'),
 ])
 def test_a_mistake_is_named(path, value, message):
@@ -114,6 +115,7 @@ ANYTHING = st.recursive(
     | st.dictionaries(st.text(max_size=4) | st.integers(0, 3), inner, max_size=3), max_leaves=6)
 
 
+@example([], {'\U00018cd6': False, '\n': 1}, 'name')
 @given(st.sampled_from(PLACES), ANYTHING, st.sampled_from(['name', 'is', 'other']))
 def test_anything_anywhere_is_read_or_refused_in_one_line(place, value, key):
     content = document(place, value) if place else {'rules': [{key: value}], 'drives': value}
@@ -155,6 +157,8 @@ def test_a_file_in_the_home_of_the_user(tmp_path, monkeypatch):
      'rules.state.drives.theta_9: is no drive of mirror_4_strut; known: theta_1, theta_2'),
     (['field'], 'data[{drive}]',
      "rules.state.drives.theta_1: 'theta_1' is not an index from 0 on"),
+    (['drives'], {'theta_1': 'leg A'},
+     "rules.state.drives.theta_1: 'leg A' cannot stand in the name of a topic"),
 ])
 def test_rules_that_do_not_fit_the_mechanism(path, value, message):
     rules = rules_from_text(yaml.safe_dump(document(path, value)), 'my.yaml')

@@ -1,0 +1,69 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""A limp drive of the three-strut mirror, whose brakes the controller may engage, over DDS."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Vector3Stamped
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Float64MultiArray, String
+
+from fault_tolerance.mechanism.catalogue import mechanism_path
+
+
+@pytest.fixture
+def machine(start, probe, tmp_path):
+    """Start all nodes; return what injects faults, and the errors of pointing heard."""
+    file = tmp_path / 'braked.yaml'
+    text = mechanism_path('mirror_3_strut').read_text()
+    file.write_text(text.replace('actuated: true,', 'actuated: true, brake: true,'))
+
+    def started(**simulator):
+        start('fsm_simulator', mechanism=str(file), **simulator)
+        controller = start('controller', mechanism=str(file), convert='act')
+        start('pointing_reference', mechanism=str(file), kind='circle', amplitude=5e-4)
+        errors = probe.heard(Vector3Stamped, 'pointing/error', qos_profile_sensor_data)
+        faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
+        probe.wait_for_state('nominal')
+        probe.wait(lambda: errors and faults.get_subscription_count(), 'pointing')
+        return controller, faults, errors
+
+    return started
+
+
+def rms(probe, errors):
+    probe.spin(0.5)
+    errors.clear()
+    probe.spin(1.5)
+    found = np.array([(one.vector.x, one.vector.y) for one in errors])
+    return float(np.sqrt((found**2).sum(axis=1).mean()))
+
+
+def test_it_is_braked_and_goes_on(machine, probe):
+    brakes = probe.heard(Float64MultiArray, 'fault_tolerance/brake_commands', 10)
+    _, faults, errors = machine()
+    healthy = rms(probe, errors)
+    faults.publish(String(data='torque theta_2'))
+    probe.wait_for_state('degraded')
+    assert 'stopped' in [one.data for one in probe.states]
+    assert brakes[-1].layout.dim[0].label == 'theta_1,theta_2,theta_3'
+    assert brakes[-1].data.tolist() == [0.0, 1.0, 0.0]
+    assert rms(probe, errors) < 1.2 * healthy + 1e-7
+    probe.metrics.clear()
+    probe.wait(lambda: probe.metrics, 'metrics')
+    assert probe.mechanism['failures'] == 'position:theta_2'
+    # Repaired and cleared: the brake lets go.
+    faults.publish(String(data='ok all'))
+    probe.wait(lambda: probe.clear() is None or probe.state == 'nominal', 'a repair')
+    probe.wait_for_state('nominal')
+    probe.wait(lambda: brakes[-1].data.tolist() == [0.0] * 3, 'a brake that lets go')
+
+
+def test_a_brake_that_does_not_confirm_leaves_the_stop_in_force(machine, probe):
+    controller, faults, _ = machine(brakes_work=False)
+    faults.publish(String(data='torque theta_2'))
+    probe.wait_for_state('stopped')
+    probe.wait(lambda: 'not confirmed within 1 s: theta_2' in controller.output, 'a warning')
+    assert probe.state == 'stopped'
