@@ -108,6 +108,7 @@ setup(
         'console_scripts': [
             'fault_tolerance_controller = fault_tolerance.nodes.controller:main',
             'fault_tolerance_fsm_simulator = fault_tolerance.nodes.fsm_simulator:main',
+            'fault_tolerance_drive_reports = fault_tolerance.nodes.drive_reports:main',
             'fault_tolerance_pointing_reference = fault_tolerance.nodes.pointing_reference:main',
             'fault_tolerance = fault_tolerance.cli:main',
         ],

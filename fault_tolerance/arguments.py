@@ -72,6 +72,17 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     add_forms(parser)
 
 
+def add_rules(parser: argparse.ArgumentParser) -> None:
+    """Add a rule file, and what it can be tried on, to a ``parser``."""
+    parser.add_argument('rules', help='shipped rules or a file')
+    parser.add_argument('--mechanism', metavar='M', help='whose drives: a shipped one or a file')
+    parser.add_argument(
+        '--bag', type=Path, help='an .mcap or .db3 file, or a folder: what would be reported of it'
+    )
+    parser.add_argument('--namespace', default='', help='of the robot in the bag')
+    add_forms(parser)
+
+
 def add_trials(parser: argparse.ArgumentParser) -> None:
     """Add what a campaign of trials needs to a ``parser``."""
     parser.add_argument(

@@ -22,6 +22,7 @@ from fault_tolerance.arguments import (
     add_isolability,
     add_node,
     add_recording,
+    add_rules,
     add_state,
     add_study,
     add_trials,
@@ -32,6 +33,7 @@ from fault_tolerance.campaign.detection_study import run_study
 from fault_tolerance.campaign.runner import run_campaign
 from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.design_cli import add_design_commands
+from fault_tolerance.drive_rules.rule_files import rules_named
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
@@ -134,10 +136,10 @@ def _parser() -> argparse.ArgumentParser:
     )
 
     add_bag(command(_report, 'figure and page of a recorded run'))
-
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
     add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
     add_study(command(_detection_study, 'false alarms and delays of detection, in simulation'))
+    add_rules(command(_check_rules, 'what the rules about drives mean, and would have reported'))
     one = command(_inject, 'break or mend the running simulated mirror')
     one.add_argument(
         'words', nargs='+', metavar='WORD', help='[silent] MODE NAME, as for the topic: '
@@ -168,6 +170,13 @@ def _isolability(chosen: argparse.Namespace) -> None:
         mechanism = mechanism.with_encoders(chosen.encoders)
     commands.isolability(
         mechanism, chosen.failed, chosen.sensors, chosen.form, probe=chosen.probe
+    )
+
+
+def _check_rules(chosen: argparse.Namespace) -> None:
+    mechanism = mechanism_named(chosen.mechanism) if chosen.mechanism else None
+    commands.check_rules(
+        rules_named(chosen.rules), mechanism, chosen.form, chosen.bag, chosen.namespace
     )
 
 

@@ -26,6 +26,11 @@ from fault_tolerance.analysis.finding_tables import (
 from fault_tolerance.analysis.hints import text_hints
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
+from fault_tolerance.analysis.rule_tables import (
+    RULE_EVENT_KEYS,
+    rule_event_records,
+    rule_table,
+)
 from fault_tolerance.analysis.runs import run_of
 from fault_tolerance.analysis.tables import (
     measures_records,
@@ -38,6 +43,9 @@ from fault_tolerance.analysis.terminal import console_for_text
 from fault_tolerance.detection.isolability import Isolability, isolability_report
 from fault_tolerance.detection.isolability import isolability as isolability_of
 from fault_tolerance.detection.responses import Sensors
+from fault_tolerance.drive_rules.drive_watch import DriveWatch
+from fault_tolerance.drive_rules.rule_report import replayed_report, rules_report, topics_of
+from fault_tolerance.drive_rules.rules import RuleSet
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kinematics.failures import FailureLike
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
@@ -196,6 +204,30 @@ def detect(bag: Path, options: DetectOptions, folder: Path | None, form: Form) -
     write_odds_figure(evidence_of(inputs, mechanism, result), picture)
     if form == 'text':
         print(picture)
+
+
+def check_rules(
+    rules: RuleSet, mechanism: Mechanism | None, form: Form, bag: Path | None, namespace: str
+) -> None:
+    """Print what ``rules`` mean for the drives of ``mechanism``, in ``form``.
+
+    With a ``bag`` also what they would have reported of the robot in ``namespace``.
+    FaultToleranceError if there is a bag but no mechanism, or it cannot be read.
+    """
+    watch = None if mechanism is None else DriveWatch(rules, mechanism)
+    report = rules_report(rules, watch)
+    if bag is not None:
+        if watch is None:
+            raise FaultToleranceError('a bag needs the drives it is about: --mechanism M')
+        try:
+            from fault_tolerance.analysis.bags import read_topics, topics_in
+        except ImportError as error:
+            reason = f'recordings need rosbags: {error.name} is not installed'
+            raise FaultToleranceError(reason) from None
+        chosen, remarks = topics_of(watch, topics_in(bag), namespace)
+        report |= replayed_report(watch, chosen, read_topics(bag, chosen), remarks)
+    records = [RULE_EVENT_KEYS, *rule_event_records(report)]
+    show(form, report, records, rule_table(report))
 
 
 def show(

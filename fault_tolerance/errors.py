@@ -19,7 +19,7 @@ class ArrayError(FaultToleranceError, ValueError):
 
 
 class MechanismError(FaultToleranceError, ValueError):
-    """A mechanism's description cannot be used.
+    """A mechanism's description, or a file of rules about its drives, cannot be used.
 
     ``source`` is the file or the name of the mechanism, ``key`` where in it, as a dotted path, and
     ``reason`` what is wrong there.

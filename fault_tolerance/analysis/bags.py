@@ -76,10 +76,14 @@ def topics_in(path: Path) -> dict[str, str]:
 def read_topics(path: Path, wanted: Container[str]) -> Iterator[Message]:
     """Yield the messages of the bag at ``path`` on the topics ``wanted``, by full name.
 
-    FaultToleranceError if it cannot be read.
+    FaultToleranceError if it cannot be read, or lacks the definition of their type.
     """
     with _opened(path) as reader:
         chosen = [one for one in reader.connections if one.topic in wanted]
+        for one in chosen:
+            if one.msgtype not in reader.typestore.fielddefs:
+                # Bags of ROS 2 before Iron hold no definitions, and no other package is asked.
+                raise FaultToleranceError(f'{path}: it has no definition of {one.msgtype}')
         for connection, time, data in reader.messages(connections=chosen) if chosen else ():
             yield Message(connection.topic, time, reader.deserialize(data, connection.msgtype))
 

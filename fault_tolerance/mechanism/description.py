@@ -10,7 +10,7 @@ into revolutes before they come here. Joint values are zero at home.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite, isnan, nan
@@ -49,6 +49,9 @@ class Mechanism:
     stiffness : float
         Of every drive that does not say otherwise, N/m, and N/m times the square of the
         characteristic length for those that turn; NaN: not known.
+    groups : mapping of str to tuple of str
+        Actuators and struts that fail together by a common cause, an amplifier that carries two of
+        them for example, by the name of the group.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Mechanism:
     compliance: float = 0.0
     working_point: WorkingPoint | None = None
     stiffness: float = nan
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         struts, actuators = len(self.struts), len(self.actuators)
@@ -89,6 +93,7 @@ class Mechanism:
             self._check_actuators()
         else:
             self._check_working_point(self.working_point)
+        self._check_groups()
 
     @cached_property
     def actuator_names(self) -> tuple[str, ...]:
@@ -202,6 +207,19 @@ class Mechanism:
             raise MechanismError(self.name, 'actuators', f'{name!r} is not an actuated joint')
         for name in sorted(found - listed):
             raise MechanismError(self.name, 'actuators', f'{name!r} is missing')
+
+    def _check_groups(self) -> None:
+        parts = (*self.actuator_names, *self.strut_names)
+        for name, members in self.groups.items():
+            _require_usable(self.name, name)
+            if name in parts:
+                raise MechanismError(self.name, f'groups.{name}', 'is an actuator or a strut')
+            if not members:
+                raise MechanismError(self.name, f'groups.{name}', 'is empty')
+            for one in members:
+                if one not in parts:
+                    reason = f'{one!r} is not an actuator or a strut'
+                    raise MechanismError(self.name, f'groups.{name}', reason)
 
     def _check_working_point(self, point: WorkingPoint) -> None:
         for key, rows, expected, what in (

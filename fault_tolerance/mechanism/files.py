@@ -10,15 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.description import Mechanism, check_names
 from fault_tolerance.mechanism.parts import Actuator, Joint, JointKind, Strut
-from fault_tolerance.mechanism.reading import Section, parsed
+from fault_tolerance.mechanism.reading import Section, file_text, parsed
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
 from fault_tolerance.tolerances import SHORTEST_AXIS
 
-_LARGEST_FILE = 16 * 1024 * 1024
 _ZERO = [0.0, 0.0, 0.0]
 
 
@@ -30,17 +28,7 @@ def mechanism_from_file(path: str | Path) -> Mechanism:
     MechanismError
         If the file cannot be read or understood: one line with file, key and reason.
     """
-    source = str(path)
-    try:
-        if Path(path).stat().st_size > _LARGEST_FILE:
-            raise MechanismError(source, '', 'is too large to be a mechanism file')
-        text = Path(path).read_text(encoding='utf-8')
-    except OSError as error:
-        reason = f'cannot be read ({error.strerror or error})'
-        raise MechanismError(source, '', reason) from None
-    except UnicodeDecodeError:
-        raise MechanismError(source, '', 'is not UTF-8 text') from None
-    return mechanism_from_text(text, source)
+    return mechanism_from_text(file_text(path, 'a mechanism file'), str(path))
 
 
 def mechanism_from_text(text: str, source: str = 'mechanism') -> Mechanism:
@@ -93,11 +81,21 @@ def _mechanism(top: Section) -> Mechanism:
             raise top.error('struts', 'is empty')
         _check_names(top, struts)
         actuators = _ordered(top, struts)
+    groups = _groups(top)
     top.close()
     with top.located():
         return Mechanism(
-            name, task, struts, actuators, np.array(origin), length, compliance, point, stiffness
+            name, task, struts, actuators, np.array(origin), length, compliance, point, stiffness,
+            groups,
         )
+
+
+def _groups(top: Section) -> dict[str, tuple[str, ...]]:
+    """Return the members of every group by its name."""
+    if not top.has('groups'):
+        return {}
+    section = top.section('groups')
+    return {str(name): section.names(name) for name in section.keys()}
 
 
 def _task(top: Section) -> Task:
@@ -195,7 +193,7 @@ def _drives(section: Section, name: str, labels: tuple[str, ...]) -> dict[str, s
 
 _ACTUATOR_KEYS = (
     'position', 'velocity', 'joint_state_name', 'home', 'sign', 'brake', 'encoder', 'stiffness',
-    'period',
+    'period', 'when_off',
 )
 
 
@@ -214,7 +212,7 @@ def _actuator(
                 continue
         if key == 'position':
             options[key] = tuple(part.numbers(where, 2))
-        elif key in ('joint_state_name', 'encoder'):
+        elif key in ('joint_state_name', 'encoder', 'when_off'):
             options[key] = part.text(where)
         elif key == 'brake':
             options[key] = part.flag(where)

@@ -21,6 +21,7 @@ from fault_tolerance.tolerances import SHORTEST_AXIS
 
 JointKind = Literal['revolute', 'prismatic']
 EncoderSide = Literal['load', 'motor']
+WhenOff = Literal['', 'free', 'stuck']
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,8 @@ class Actuator:
     """What its encoder reads: the joint, or the drive before whatever gives way between them."""
     stiffness: float = nan
     """Of its hold on the joint, N/m or N m/rad; NaN where it is not known."""
+    when_off: WhenOff = ''
+    """What a drive without power is: driven by the others, or held; empty where nobody knows."""
     period: float = inf
     """After which its encoder reads the same again, rad or m; infinite where it counts on."""
 
@@ -74,6 +77,8 @@ class Actuator:
             raise MechanismError(self.name, 'home', f'{self.home} is not finite')
         if self.encoder not in ('load', 'motor'):
             raise MechanismError(self.name, 'encoder', f'{self.encoder!r} is not load or motor')
+        if self.when_off not in ('', 'free', 'stuck'):
+            raise MechanismError(self.name, 'when_off', f'{self.when_off!r} is not free or stuck')
         if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
             raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
         if isnan(self.period) or not self.period > 0.0:

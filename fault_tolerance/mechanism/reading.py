@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isnan
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -19,6 +20,7 @@ from fault_tolerance.errors import ArrayError, MechanismError
 _NUMBER_AS_TEXT = re.compile(r'[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+|[-+]\.\d+')
 _ELEMENT = re.compile(r'<([A-Za-z]\w*)')
 _XML = {'robot': 'a URDF', 'mujoco': 'an MJCF', 'mujocoinclude': 'an MJCF', 'sdf': 'an SDF'}
+_LARGEST_FILE = 16 * 1024 * 1024
 _MERGE = 'tag:yaml.org,2002:merge'
 
 
@@ -99,7 +101,10 @@ class Section:
 
     def where(self, key: object) -> str:
         """Return the full path of ``key``."""
-        return '.'.join(part for part in (self.path, str(key)) if part)
+        text = str(key)
+        # A line break in a key must not make two lines of an error.
+        return '.'.join(part for part in (self.path, text if text.isprintable() else ascii(text))
+                        if part)
 
     def has(self, key: object) -> bool:
         """Return whether ``key`` is given (and not null)."""
@@ -211,6 +216,23 @@ class Section:
         if not isinstance(value, list) or len(value) != count:
             raise self.error(key, f'is {_described(value)}, expected {count} numbers')
         return [self.as_number(f'{key}[{index}]', item) for index, item in enumerate(value)]
+
+
+def file_text(path: str | Path, what: str) -> str:
+    """Return the text in the file ``path``, which is to be ``what``.
+
+    MechanismError, one line with the path, if it cannot be read.
+    """
+    source = str(path)
+    try:
+        if Path(path).stat().st_size > _LARGEST_FILE:
+            raise MechanismError(source, '', f'is too large to be {what}')
+        return Path(path).read_text(encoding='utf-8')
+    except OSError as error:
+        reason = f'cannot be read ({error.strerror or error})'
+        raise MechanismError(source, '', reason) from None
+    except UnicodeDecodeError:
+        raise MechanismError(source, '', 'is not UTF-8 text') from None
 
 
 def parsed(text: str, source: str) -> Section:

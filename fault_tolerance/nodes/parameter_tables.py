@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameters of the three nodes; ``config/*.yaml`` holds the same names and defaults."""
+"""The parameters of the nodes; ``config/*.yaml`` holds the same names and defaults."""
 
 from __future__ import annotations
 
@@ -177,6 +177,11 @@ SIMULATOR = (
             'time constant with which a repaired part takes up its load', 's', (1e-6, 60.0)),
     ),
     _EXAGGERATION,
+)
+
+DRIVE_REPORTS = (
+    _MECHANISM,
+    Parameter('rules', 'cia402', 'shipped rules by name, or the path of a rule file'),
 )
 
 POINTING = (

@@ -25,6 +25,7 @@ LAYERS = {
     'commissioning': 4,
     'control': 4,
     'detection': 4,
+    'drive_rules': 4,
     'simulation': 4,
     'closed_loop': 5,
     'design': 5,
@@ -39,7 +40,7 @@ LAYERS = {
     'cli': 10,
     '__main__': 11,
 }
-PURE = ('commissioning', 'mechanism', 'kinematics', 'control', 'simulation')
+PURE = ('commissioning', 'mechanism', 'kinematics', 'control', 'drive_rules', 'simulation')
 OUTSIDE_WORLD = {'asyncio', 'datetime', 'logging', 'multiprocessing', 'os', 'random', 'socket',
                  'subprocess', 'sys', 'threading', 'time'}
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'launch_testing', 'rclpy', 'ros2cli',

@@ -91,14 +91,15 @@ def states():
 
 
 def test_everything_lies_where_ros2_looks_for_it(workspace):
-    for script in ('controller', 'fsm_simulator', 'pointing_reference'):
+    for script in ('controller', 'fsm_simulator', 'pointing_reference', 'drive_reports'):
         folder = workspace.prefix / 'lib' / 'fault_tolerance'
         assert (folder / script).is_file()
         assert not (folder / f'fault_tolerance_{script}').exists()
     share = workspace.prefix / 'share'
     assert (share / 'ament_index/resource_index/packages/fault_tolerance').is_file()
     for name in ('package.xml', 'config/controller.yaml', 'launch/fsm.launch.py',
-                 'config/mechanisms/mirror_4_strut.yaml', 'security/policy.xml'):
+                 'config/mechanisms/mirror_4_strut.yaml', 'config/rules/cia402.yaml',
+                 'config/diagnostic_aggregator/analyzers.yaml', 'security/policy.xml'):
         assert (share / 'fault_tolerance' / name).is_file(), name
 
 

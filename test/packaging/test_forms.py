@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WHERE = """
 import json
 import fault_tolerance
+from fault_tolerance.drive_rules.rule_files import rules_named, shipped_rules
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
 from fault_tolerance.resources import share_directory
 print(json.dumps({
@@ -25,6 +26,7 @@ print(json.dumps({
     'security': sorted(file.name for file in (share_directory() / 'security').iterdir()),
     'launch': sorted(file.name for file in (share_directory() / 'launch').glob('*.launch.py')),
     'mechanisms': {name: len(mechanism_named(name).actuators) for name in shipped_names()},
+    'rules': {name: len(rules_named(name).rules) for name in shipped_rules()},
 }))
 """
 
@@ -68,11 +70,12 @@ def test_pip_installation(installed, tmp_path, environment):
     assert found['launch'] == checkout['launch']
     assert found['security'] == checkout['security'] == ['policy.xml', 'test_bench.xml']
     assert found['mechanisms'] == checkout['mechanisms']
+    assert found['rules'] == checkout['rules']
 
 
 @pytest.mark.slow
 def test_pip_installation_has_its_commands(installed, tmp_path, environment):
-    for script in ('controller', 'fsm_simulator', 'pointing_reference'):
+    for script in ('controller', 'fsm_simulator', 'pointing_reference', 'drive_reports'):
         assert (installed / 'bin' / f'fault_tolerance_{script}').is_file()
         # Too general a word for everybody's PATH.
         assert not (installed / 'bin' / script).exists()
@@ -105,6 +108,7 @@ def test_checkout(environment):
     assert Path(found['code']).is_relative_to(ROOT)
     assert Path(found['share']) == ROOT
     assert 'mirror_4_strut' in found['mechanisms']
+    assert 'cia402' in found['rules']
 
 
 def test_checkout_from_another_folder(tmp_path, environment):

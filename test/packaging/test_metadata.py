@@ -92,7 +92,8 @@ def test_ros_extra_is_pinned(distribution):
 
 @pytest.mark.parametrize('script', [
     'fault_tolerance_controller', 'fault_tolerance_fsm_simulator',
-    'fault_tolerance_pointing_reference', 'fault_tolerance'])
+    'fault_tolerance_drive_reports', 'fault_tolerance_pointing_reference',
+    'fault_tolerance'])
 def test_console_script_leads_to_a_function(distribution, script):
     point, = distribution.entry_points.select(group='console_scripts', name=script)
     assert callable(point.load())

@@ -11,11 +11,12 @@ import pytest
 from rclpy.node import Node
 
 from fault_tolerance.nodes.controller import Controller
+from fault_tolerance.nodes.drive_reports import DriveReports
 from fault_tolerance.nodes.fsm_simulator import FsmSimulator
 from fault_tolerance.nodes.pointing_reference import PointingReference
 
 
-@pytest.mark.parametrize('kind', [Controller, FsmSimulator, PointingReference])
+@pytest.mark.parametrize('kind', [Controller, DriveReports, FsmSimulator, PointingReference])
 def test_attributes_are_not_those_of_rclpy(ros, kind):
     node = Node('plain', enable_rosout=False)
     theirs = set(vars(node)) | set(dir(Node))

@@ -65,7 +65,8 @@ def test_other_names_and_namespaces_can_be_told(start, probe):
     assert unseen.returncode == 1
 
 
-@pytest.mark.parametrize('module', ['controller', 'fsm_simulator', 'pointing_reference'])
+@pytest.mark.parametrize(
+    'module', ['controller', 'drive_reports', 'fsm_simulator', 'pointing_reference'])
 def test_a_node_has_help_and_refuses_what_it_does_not_know(module):
     def node(*words):
         return subprocess.run(

@@ -8,12 +8,20 @@ import pytest
 import yaml
 
 from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.nodes.parameter_tables import CONTROLLER, POINTING, SIMULATOR
+from fault_tolerance.nodes.parameter_tables import (
+    CONTROLLER,
+    DRIVE_REPORTS,
+    POINTING,
+    SIMULATOR,
+)
 from fault_tolerance.nodes.parameters import Parameter, ParameterError
 from fault_tolerance.resources import share_directory
 
 CONFIG = share_directory() / 'config'
-TABLES = {'controller': CONTROLLER, 'fsm': SIMULATOR, 'pointing': POINTING}
+TABLES = {
+    'controller': CONTROLLER, 'drive_reports': DRIVE_REPORTS, 'fsm': SIMULATOR,
+    'pointing': POINTING,
+}
 EVERY = [(name, entry) for name, table in TABLES.items() for entry in table]
 
 

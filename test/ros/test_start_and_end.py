@@ -16,6 +16,7 @@ from node_rig import PATIENCE, Plant
 ATTEMPTS = 3
 MODULES = {
     'controller': 'fault_tolerance',
+    'drive_reports': 'drive_reports',
     'fsm_simulator': 'fsm',
     'pointing_reference': 'pointing',
 }
@@ -27,6 +28,9 @@ BAD = [
     ('controller', {'recovery': 'maybe'}, 'recovery'),
     ('controller', {'hold_below': 0.5}, 'hold_below'),
     ('controller', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
+    ('drive_reports', {'rules': 'no_such_rules'}, 'no_such_rules'),
+    ('drive_reports', {'rules': 5}, 'rules'),
+    ('drive_reports', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
     ('fsm_simulator', {'rate': 100}, 'rate'),
     ('fsm_simulator', {'engine': 'steam'}, 'engine'),
     ('fsm_simulator', {'disturbance': '[1.0, 2.0]'}, 'disturbance'),

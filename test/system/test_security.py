@@ -83,6 +83,15 @@ def test_the_policy_is_the_graph_of_the_running_nodes(probe, start):
         raise
 
 
+def test_the_policy_of_drive_reports_is_its_graph(probe, start):
+    """But for what rules listen to whose message types are not installed here."""
+    allowed = profiles(PRODUCTION)['drive_reports']
+    allowed['topics', 'subscribe'] -= {'/dynamic_joint_states'}
+    start('drive_reports', rules='diagnostics')
+    probe.wait(lambda: 'drive_reports' in probe.node.get_node_names()
+               and used(probe.node, 'drive_reports') == allowed, 'a graph like the policy')
+
+
 def test_the_bench_is_allowed_what_the_command_line_uses(probe):
     (allowed,) = profiles(BENCH).values()
     operator = OperatorClient()

@@ -1,0 +1,24 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Message types by name, of packages that this one does not depend on."""
+
+from __future__ import annotations
+
+import importlib
+
+from rclpy.type_support import check_for_type_support
+
+
+def message_type(kind: str) -> type | None:
+    """Return the class of the messages of type ``kind``, as ``std_msgs/msg/Int32``.
+
+    None where there is none on this machine.
+    """
+    package, _, name = kind.split('/')
+    try:
+        found = getattr(importlib.import_module(f'{package}.msg'), name)
+        check_for_type_support(found)
+    except Exception:  # what a package that is built for another ROS raises is its own affair
+        return None
+    return found if isinstance(found, type) else None
