@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from fault_tolerance import commands
+from fault_tolerance import commands, machine_commands
 from fault_tolerance.arguments import (
     add_first_motion,
     add_forms,
@@ -117,6 +117,8 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
+    machine_commands.add_new(command(_new, 'a mechanism file from a table or a few numbers'))
+
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
@@ -159,6 +161,10 @@ def _table(chosen: argparse.Namespace) -> None:
 
 def _check(chosen: argparse.Namespace) -> None:
     commands.check(_state(chosen), chosen.form, chosen.draw)
+
+
+def _new(chosen: argparse.Namespace) -> None:
+    chosen.make(chosen)
 
 
 def _isolability(chosen: argparse.Namespace) -> None:

@@ -27,16 +27,18 @@ LAYERS = {
     'detection': 4,
     'simulation': 4,
     'closed_loop': 5,
+    'machines': 5,
     'replay': 6,
     '__init__': 6,
     'campaign': 7,
     'commands': 7,
     'nodes': 7,
     'arguments': 8,
-    'cli': 9,
-    '__main__': 10,
+    'machine_commands': 9,
+    'cli': 10,
+    '__main__': 11,
 }
-PURE = ('commissioning', 'mechanism', 'kinematics', 'control', 'simulation')
+PURE = ('commissioning', 'machines', 'mechanism', 'kinematics', 'control', 'simulation')
 OUTSIDE_WORLD = {'asyncio', 'datetime', 'logging', 'multiprocessing', 'os', 'random', 'socket',
                  'subprocess', 'sys', 'threading', 'time'}
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'launch_testing', 'rclpy', 'ros2cli',
