@@ -43,6 +43,15 @@ def add_forms(parser: argparse.ArgumentParser) -> None:
         )
 
 
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """Add what the report of a recording needs to a ``parser``."""
+    parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
+    parser.add_argument(
+        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
+    )
+    parser.add_argument('--namespace', help='of the robot, if there are several in the bag')
+
+
 def add_recording(parser: argparse.ArgumentParser) -> None:
     """Add what detection on a recording needs, and the forms of output, to a ``parser``."""
     parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')

@@ -20,6 +20,7 @@ from fault_tolerance.arguments import (
     add_forms,
     add_isolability,
     add_recording,
+    add_report,
     add_state,
     add_study,
     add_trials,
@@ -32,6 +33,7 @@ from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
+from fault_tolerance.machine_arguments import add_export, add_import, add_new
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
@@ -117,7 +119,9 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
-    machine_commands.add_new(command(_new, 'a mechanism file from a table or a few numbers'))
+    add_new(command(_new, 'a mechanism file from a table or a few numbers'))
+    add_import(command(_import, 'a mechanism file from MJCF or URDF'))
+    add_export(command(_export, 'a mechanism as MJCF, URDF or a table'))
 
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
 
@@ -132,13 +136,7 @@ def _parser() -> argparse.ArgumentParser:
         command(_commission, 'the supervised first motion of a machine: is its file right?')
     )
 
-    one = command(_report, 'figure and page of a recorded run')
-    one.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
-    one.add_argument(
-        '--output', type=Path, metavar='FOLDER', help='for the results; without: beside the bag'
-    )
-    one.add_argument('--namespace', help='of the robot, if there are several in the bag')
-
+    add_report(command(_report, 'figure and page of a recorded run'))
     add_recording(command(_detect, 'failures that nobody has reported, in a recorded run'))
     add_trials(command(_campaign, 'every failure, and pair, in simulation, against the theory'))
     add_study(command(_detection_study, 'false alarms and delays of detection, in simulation'))
@@ -165,6 +163,14 @@ def _check(chosen: argparse.Namespace) -> None:
 
 def _new(chosen: argparse.Namespace) -> None:
     chosen.make(chosen)
+
+
+def _import(chosen: argparse.Namespace) -> None:
+    machine_commands.import_machine(chosen)
+
+
+def _export(chosen: argparse.Namespace) -> None:
+    machine_commands.export_machine(chosen)
 
 
 def _isolability(chosen: argparse.Namespace) -> None:

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from fault_tolerance import commands
-from fault_tolerance.arguments import add_forms
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.machines.assembly import (
@@ -23,16 +22,23 @@ from fault_tolerance.machines.assembly import (
     with_limits,
     with_task,
 )
+from fault_tolerance.machines.closure_files import closures_from_file
+from fault_tolerance.machines.leg_recognition import legs_of
 from fault_tolerance.machines.leg_tables import leg_table, legs_from_table
-from fault_tolerance.machines.legs import LEG_TYPES, Leg
+from fault_tolerance.machines.legs import Leg
+from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
+from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
 from fault_tolerance.machines.presets import HexapodSize, delta, hexapod_legs
-from fault_tolerance.machines.units import Units, require_plausible_size, units_named
+from fault_tolerance.machines.units import Units, require_plausible_size
+from fault_tolerance.machines.urdf_reading import linkage_from_urdf
+from fault_tolerance.machines.urdf_writing import urdf_texts
+from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.files import mechanism_from_file
 from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 from fault_tolerance.mechanism.parts import Actuator
-from fault_tolerance.mechanism.task import COORDINATES
+from fault_tolerance.simulation.mjcf import mjcf_text
 
 _TEMPLATE_REMARKS = (
     'One leg a line; lines that begin with # do not count. This example is a whole machine:',
@@ -47,96 +53,11 @@ _LENGTHS = ('base_radius', 'platform_radius', 'height', 'crank')
 _ANGLES = ('base_angle', 'platform_angle')
 
 
-def add_new(parser: argparse.ArgumentParser) -> None:
-    """Add the kinds of machine there are, and what each needs, to a ``parser``."""
-    kinds = parser.add_subparsers(required=True, metavar='KIND', parser_class=type(parser))
+def new_hexapod(chosen: argparse.Namespace) -> None:
+    """Write a mechanism file of the hexapod ``chosen``, or print a table to fill in.
 
-    one = kinds.add_parser('hexapod', help='legs from a table, or from a few numbers')
-    one.set_defaults(make=_new_hexapod)
-    one.add_argument('table', nargs='?', type=Path, metavar='TABLE.csv', help='one leg a line')
-    one.add_argument('--template', action='store_true', help='print a table to fill in')
-    one.add_argument(
-        '--legs', type=str.upper, choices=LEG_TYPES, default='UPS',
-        help='joints from base to platform; RSS has cranks (default: UPS)',
-    )
-    one.add_argument('--relative', action='store_true',
-                     help='points at the platform are counted from --origin')
-    for option, words in (
-        ('base-radius', 'of the joints at the base'), ('platform-radius', 'at the platform'),
-        ('height', 'of the platform'), ('crank', 'length of the cranks, RSS'),
-        ('base-angle', 'half the angle between neighbours'), ('platform-angle', 'the same'),
-    ):
-        one.add_argument(f'--{option}', type=float, metavar='NUMBER', help=f'no table: {words}')
-    _add_output(one)
-
-    one = kinds.add_parser('mirror', help='a fast steering mirror on upright struts')
-    one.set_defaults(make=_new_mirror)
-    one.add_argument('--struts', type=int, default=4, metavar='N', help='3 or more (default: 4)')
-    for option in ('radius', 'length'):
-        one.add_argument(f'--{option}', type=float, required=True, metavar='NUMBER')
-    _add_output(one)
-
-    one = kinds.add_parser('delta', help='a delta robot, three translations')
-    one.set_defaults(make=_new_delta)
-    one.add_argument(
-        '--legs', type=str.upper, choices=('RUU', 'PUU'), default='RUU',
-        help='cranks, or upright slides (default: RUU)',
-    )
-    for option in ('base-radius', 'platform-radius', 'rod'):
-        one.add_argument(f'--{option}', type=float, required=True, metavar='NUMBER')
-    one.add_argument('--arm', type=float, metavar='NUMBER', help='length of the cranks, RUU')
-    _add_output(one)
-
-
-def _add_output(parser: argparse.ArgumentParser) -> None:
-    """Add what every new machine may be given to a ``parser``."""
-    parser.add_argument('--units', type=_units, default=Units(), metavar='mm,deg',
-                        help='of all numbers (default: m,rad)')
-    parser.add_argument('--any-size', action='store_true',
-                        help='let through numbers that look as if they were in other units')
-    parser.add_argument('--stroke', type=float, metavar='NUMBER', help='of drives, both ways')
-    parser.add_argument('--rate', type=float, metavar='NUMBER', help='largest speed of drives')
-    parser.add_argument('--origin', type=_point, metavar='X,Y,Z',
-                        help='of the platform frame, what vx, vy, vz mean (default: its middle)')
-    _add_result(parser)
-
-
-def _add_result(parser: argparse.ArgumentParser) -> None:
-    """Add task, name and place of a mechanism file to a ``parser``."""
-    for option, words in (('task', 'coordinates'), ('major', 'those of them that must be kept')):
-        parser.add_argument(f'--{option}', type=_coordinates, default=(), metavar='wx,wy,…',
-                            help=f'{words} (default: all there are)')
-    parser.add_argument('--name', help='of the mechanism (default: that of the file)')
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE',
-                        help='the mechanism file (default: NAME.yaml, if there is none yet)')
-    add_forms(parser)
-
-
-def _units(text: str) -> Units:
-    try:
-        return units_named(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _point(text: str) -> list[float]:
-    try:
-        numbers = [float(word) for word in text.split(',')]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3 or not np.isfinite(numbers).all():
-        raise argparse.ArgumentTypeError(f'{text!r} is not X,Y,Z')
-    return numbers
-
-
-def _coordinates(text: str) -> tuple[str, ...]:
-    words = tuple(word.strip() for word in text.split(','))
-    if not set(words) <= set(COORDINATES):
-        raise argparse.ArgumentTypeError(f'{text!r} is not a list of {",".join(COORDINATES)}')
-    return words
-
-
-def _new_hexapod(chosen: argparse.Namespace) -> None:
+    FaultToleranceError if too much or too little was chosen.
+    """
     units = chosen.units
     given = {key: getattr(chosen, key) for key in (*_LENGTHS, *_ANGLES)}
     given = {key: value for key, value in given.items() if value is not None}
@@ -178,7 +99,8 @@ def _example(leg: Leg) -> Actuator:
     return replace(leg.drive, position=(-stroke, stroke), velocity=rate)
 
 
-def _new_mirror(chosen: argparse.Namespace) -> None:
+def new_mirror(chosen: argparse.Namespace) -> None:
+    """Write a mechanism file of the mirror ``chosen``; FaultToleranceError if it has no size."""
     metres = chosen.units.metres
     for key in ('radius', 'length'):
         if not getattr(chosen, key) > 0.0:
@@ -190,7 +112,11 @@ def _new_mirror(chosen: argparse.Namespace) -> None:
             chosen)
 
 
-def _new_delta(chosen: argparse.Namespace) -> None:
+def new_delta(chosen: argparse.Namespace) -> None:
+    """Write a mechanism file of the delta robot ``chosen``.
+
+    FaultToleranceError if its cranks have no length, or its slides have one.
+    """
     if (chosen.legs == 'RUU') is (chosen.arm is None):
         needs = 'RUU needs --arm' if chosen.legs == 'RUU' else 'PUU has no --arm'
         raise FaultToleranceError(f'a delta robot of type {needs}')
@@ -230,13 +156,13 @@ def write_mechanism(mechanism: Mechanism, remark: str, chosen: argparse.Namespac
     if chosen.name:
         mechanism = replace(mechanism, name=chosen.name)
     mechanism = with_task(mechanism, chosen.task, chosen.major)
+    for key in ('characteristic_length', 'compliance'):
+        if getattr(chosen, key) is not None:
+            mechanism = replace(mechanism, **{key: getattr(chosen, key)})
     path = chosen.output or Path(f'{mechanism.name}.yaml')
     if not chosen.output and path.exists():
         raise FaultToleranceError(f'{path} exists already: name a file with -o FILE')
-    try:
-        path.write_text(mechanism_text(mechanism, [remark]), encoding='utf-8')
-    except OSError as error:
-        raise FaultToleranceError(f'{path}: cannot be written ({error.strerror})') from None
+    _write(path, mechanism_text(mechanism, [remark]))
     # What is read from the file counts.
     post = after(mechanism_from_file(path))
     commands.measures(post, chosen.form, pairs=False)
@@ -253,3 +179,67 @@ def write_mechanism(mechanism: Mechanism, remark: str, chosen: argparse.Namespac
 rehearsal, each in a terminal of its own (docs/adapting.md):
   {call}.nodes.fsm_simulator --ros-args -p mechanism:={shlex.quote(str(path.resolve()))}
   {call}.nodes.controller --ros-args -p mechanism:={shlex.quote(str(path.resolve()))}""")
+
+
+def import_machine(chosen: argparse.Namespace) -> None:
+    """Write a mechanism file from the MJCF or URDF file ``chosen``.
+
+    FaultToleranceError if nothing says which of them it is.
+    """
+    path: Path = chosen.file
+    kind = chosen.format or {'.urdf': 'urdf', '.xml': 'mjcf', '.mjcf': 'mjcf'}.get(path.suffix)
+    if kind is None:
+        raise FaultToleranceError(f'{path}: --format mjcf or urdf?')
+    if kind == 'mjcf':
+        if chosen.closures:
+            raise FaultToleranceError('--closures is for URDF: MJCF has its own')
+        linkage = linkage_from_mjcf(path)
+    else:
+        beside = path.with_suffix('.closures.yaml')
+        file = chosen.closures or (beside if beside.exists() else None)
+        linkage = linkage_from_urdf(path, closures_from_file(file) if file else None)
+    mechanism = mechanism_of(linkage, chosen.platform)
+    write_mechanism(mechanism, f'Imported from {path.name} ({kind.upper()}).', chosen)
+
+
+def export_machine(chosen: argparse.Namespace) -> None:
+    """Write the mechanism ``chosen`` in another format.
+
+    FaultToleranceError if the file cannot be written.
+    """
+    mechanism = mechanism_named(chosen.mechanism)
+    texts: dict[Path | None, str] = {}
+    if chosen.format == 'mjcf':
+        texts[chosen.output] = mjcf_text(mechanism)
+    elif chosen.format == 'table':
+        back = _way_back(mechanism, chosen.units)
+        texts[chosen.output] = leg_table(legs_of(mechanism), chosen.units, back)
+    else:
+        if not chosen.output:
+            raise FaultToleranceError('a URDF and its closures are two files: -o FILE.urdf')
+        beside = chosen.output.with_suffix('.closures.yaml')
+        texts[chosen.output], texts[beside] = urdf_texts(mechanism)
+    for path, text in texts.items():
+        if path is None:
+            print(text, end='')
+            continue
+        _write(path, text)
+        print(f'wrote {path}')
+
+
+def _way_back(mechanism: Mechanism, units: Units) -> list[str]:
+    """Return the command that makes ``mechanism`` of its table again, in lines."""
+    task, origin = mechanism.task, (mechanism.origin / units.metres).tolist()
+    return [
+        f'new hexapod TABLE.csv --units {units} --origin={",".join(map(repr, origin))}',
+        f'  --task {",".join(task.coordinates)} --major {",".join(task.major)}',
+        f'  --characteristic-length {mechanism.characteristic_length!r}'
+        f' --compliance {mechanism.compliance!r}',
+    ]
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise FaultToleranceError(f'{path}: cannot be written ({error.strerror})') from None

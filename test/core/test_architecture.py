@@ -34,7 +34,8 @@ LAYERS = {
     'commands': 7,
     'nodes': 7,
     'arguments': 8,
-    'machine_commands': 9,
+    'machine_commands': 8,
+    'machine_arguments': 9,
     'cli': 10,
     '__main__': 11,
 }
