@@ -35,7 +35,12 @@ from fault_tolerance.kinematics.paper_formulas import (
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after, reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.kinematics.verdict import Verdict
-from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path, shipped_names
+from fault_tolerance.mechanism.catalogue import (
+    gallery_names,
+    mechanism_named,
+    mechanism_path,
+    shipped_names,
+)
 from fault_tolerance.mechanism.configuration import (
     Configuration,
     fitted_configuration,
@@ -61,9 +66,9 @@ __all__ = [
     'FailureError', 'FailureMode', 'FailureSet', 'FaultToleranceError', 'Isolability',
     'LoopSettings', 'Mechanism', 'MechanismError', 'MonitorSettings', 'PostFailure',
     'ResolvedRate', 'Sensors', 'Settings', 'Supervisor', 'Verdict', 'after', 'best_conversion',
-    'evenly_spaced_mirror', 'failure_set', 'fitted_configuration', 'home_configuration',
-    'isolability', 'mechanism_from_file', 'mechanism_from_text', 'mechanism_named',
-    'mechanism_path', 'next_failure', 'pair_measures', 'posed_configuration',
+    'evenly_spaced_mirror', 'failure_set', 'fitted_configuration', 'gallery_names',
+    'home_configuration', 'isolability', 'mechanism_from_file', 'mechanism_from_text',
+    'mechanism_named', 'mechanism_path', 'next_failure', 'pair_measures', 'posed_configuration',
     'position_measure_by_theorem_2', 'present_measures', 'reconfigured', 'resolved_rate',
     'shipped_names', 'solved_configuration', 'strut_rows', 'torque_measure_by_theorem_4',
 ]

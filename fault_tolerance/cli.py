@@ -34,7 +34,7 @@ from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.machine_arguments import add_export, add_import, add_new
-from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.catalogue import gallery_names, mechanism_named
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
@@ -114,6 +114,10 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
     add_forms(one)
 
+    one = command(_gallery, 'machines of other kinds, or given ones, side by side')
+    one.add_argument('mechanisms', nargs='*', default=list(gallery_names()))
+    add_forms(one)
+
     one = command(_check, 'examine a mechanism (file), and draw it')
     add_state(one)
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
@@ -155,6 +159,10 @@ def _measures(chosen: argparse.Namespace) -> None:
 
 def _table(chosen: argparse.Namespace) -> None:
     commands.table(chosen.mechanisms, chosen.form)
+
+
+def _gallery(chosen: argparse.Namespace) -> None:
+    commands.gallery(chosen.mechanisms, chosen.form)
 
 
 def _check(chosen: argparse.Namespace) -> None:

@@ -11,6 +11,7 @@ from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 
 EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 RANK = 1e-8
+STRIDES = 5
 
 
 def closures(model, data):
@@ -24,17 +25,18 @@ def closed_model(model, values):
     """Return MuJoCo's data with joints at values from their references, and all loops closed."""
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     data = mujoco.MjData(model)
-    held = []
-    for name, value in values.items():
-        data.joint(name).qpos[0] += value
-        held.append(model.joint(name).dofadr[0])
-    for _ in range(30):
-        mujoco.mj_forward(model, data)
-        gap, jacobian = closures(model, data)
-        if np.abs(gap).max(initial=0.0) < 1e-13:
-            break
-        jacobian[:, held] = 0.0
-        mujoco.mj_integratePos(model, data.qpos, -np.linalg.pinv(jacobian) @ gap, 1.0)
+    held = [model.joint(name).dofadr[0] for name in values]
+    # By strides, as the machine would go there.
+    for _ in range(STRIDES):
+        for name, value in values.items():
+            data.joint(name).qpos[0] += value / STRIDES
+        for _ in range(40):
+            mujoco.mj_forward(model, data)
+            gap, jacobian = closures(model, data)
+            if np.abs(gap).max(initial=0.0) < 1e-13:
+                break
+            jacobian[:, held] = 0.0
+            mujoco.mj_integratePos(model, data.qpos, -np.linalg.pinv(jacobian) @ gap, 1.0)
     assert np.abs(gap).max(initial=0.0) < 1e-11
     return data
 
