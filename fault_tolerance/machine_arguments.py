@@ -74,7 +74,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
 def _add_result(parser: argparse.ArgumentParser) -> None:
     """Add task, name and place of a mechanism file to a ``parser``."""
     for option, words in (('task', 'coordinates'), ('major', 'those of them that must be kept')):
-        parser.add_argument(f'--{option}', type=_coordinates, default=(), metavar='wx,wy,…',
+        parser.add_argument(f'--{option}', type=_coordinates, default=(), metavar='wx,wy,...',
                             help=f'{words} (default: all there are)')
     parser.add_argument('--characteristic-length', type=float, metavar='M',
                         help='metres (default: radius of the points at the platform)')

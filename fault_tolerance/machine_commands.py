@@ -90,7 +90,18 @@ def new_hexapod(chosen: argparse.Namespace) -> None:
         return
     kinds = ' and '.join(sorted({leg.kind for leg in legs}))
     mechanism = assembled_legs(name, legs, origin)
-    _finish(mechanism, f'{len(legs)} legs of type {kinds}, from {source}.', chosen)
+    remark = f'{len(legs)} legs of type {kinds}, from {source}; at home {_rods(legs, units)}.'
+    _finish(mechanism, remark, chosen)
+
+
+def _rods(legs: list[Leg], units: Units) -> str:
+    """Return how long the legs are at home, in words: a number to compare with a data sheet."""
+    lengths = [float(np.linalg.norm(leg.rod)) / units.metres for leg in legs]
+    texts = list(dict.fromkeys(f'{length:.5g}' for length in lengths))
+    what = 'legs' if all(leg.knee is None and leg.slide is None for leg in legs) else 'rods'
+    if len(texts) > 1:
+        return f'{what} {min(lengths):.5g} to {max(lengths):.5g} {units.length} long'
+    return f'{what} {texts[0]} {units.length} long'
 
 
 def _example(leg: Leg) -> Actuator:
@@ -170,9 +181,13 @@ def write_mechanism(mechanism: Mechanism, remark: str, chosen: argparse.Namespac
         return
     task = mechanism.task
     if post.verdict.tolerable and task.major == task.coordinates and len(task.major) > 1:
-        print('every coordinate is major: --major names those that must be kept\n')
+        spare = 'wz' if 'wz' in task.major else task.major[-1]
+        kept = ','.join(name for name in task.major if name != spare)
+        print('every coordinate is major, so a stuck drive costs one: if, for example,\n'
+              f'{spare} may be given up, add --major {kept}\n')
     call, file = 'python -m fault_tolerance', shlex.quote(str(path))
-    print(f"""wrote {path}; next:
+    print(f"""wrote {path}: {remark}
+next:
   {call} check {file} --draw {shlex.quote(str(path.with_suffix('.png')))}
   {call} measures {file} --failed stuck:{mechanism.actuator_names[0]}
   {call} isolability {file}

@@ -18,6 +18,7 @@ from fault_tolerance.closed_loop import ClosedLoop
 from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.errors import MechanismError
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
@@ -60,6 +61,46 @@ def test_mobility_and_jacobian_are_those_of_mujoco(name, away):
     post = assert_as_mujoco(mechanism, model, PLATFORM, given)
     assert post.verdict.mobility == FREEDOM[name]
     assert post.verdict.tolerable
+
+
+def six_rods(mechanism):
+    """Return a delta robot with a parallelogram of two rods between balls for each rod."""
+    weight = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    arms, pins = [], []
+    for strut in mechanism.struts:
+        crank, knee, *_, wrist = strut.joints
+        rods = []
+        for side in (-0.03, 0.03):
+            rod = f'{strut.name}_{"l" if side < 0 else "r"}'
+            start = knee.point - crank.point + side * crank.axis
+            anchor = wrist.point - knee.point
+            rods.append(f'<body name="{rod}" pos="{numbers(start)}"><joint type="ball"/>{weight}'
+                        '</body>')
+            pins.append(f'<connect body1="{rod}" body2="plate" anchor="{numbers(anchor)}"/>')
+        arms.append(
+            f'<body name="link_{crank.name}" pos="{numbers(crank.point)}">'
+            f'<joint name="{crank.name}" axis="{numbers(crank.axis)}"/>'
+            f'{weight}{"".join(rods)}</body>')
+    motors = ''.join(f'<motor joint="{name}"/>' for name in mechanism.actuator_names)
+    return (f'<mujoco><worldbody><body name="plate" pos="{numbers(mechanism.origin)}"><freejoint/>'
+            f'{weight}</body>{"".join(arms)}</worldbody><equality>{"".join(pins)}</equality>'
+            f'<actuator>{motors}</actuator></mujoco>')
+
+
+def numbers(vector):
+    return ' '.join(map(repr, vector.tolist()))
+
+
+@pytest.mark.parametrize('away', [0.0, 0.2])
+def test_universal_joints_stand_for_the_parallelograms_of_a_delta_robot(tmp_path, away):
+    mechanism = MACHINES['delta_3ruu']
+    text = six_rods(mechanism)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert_as_mujoco(mechanism, model, 'plate', {
+        name: (name, away * (1.0 - place)) for place, name in enumerate(mechanism.actuator_names)})
+    (tmp_path / 'rods.xml').write_text(text)
+    with pytest.raises(MechanismError, match=r'body link_arm_1: is shared by several chains'):
+        mechanism_of(linkage_from_mjcf(tmp_path / 'rods.xml'), 'plate')
 
 
 @pytest.mark.parametrize('name', MACHINES)

@@ -51,6 +51,7 @@ def test_the_template_is_a_machine(capsys, folder, kind):
     count = 3 if kind in ('RPS', 'PRS') else 6
     assert f'{count} controlled degrees of freedom' in printed
     assert 'check mine.yaml --draw mine.png' in printed
+    assert 'if, for example,\n' in printed
     assert run(capsys, 'check', 'mine.yaml').startswith('mine: tolerable')
     mechanism = mechanism_from_file('mine.yaml')
     assert mechanism.characteristic_length == 0.15
@@ -63,7 +64,11 @@ def test_a_hexapod_from_numbers(capsys):
                   '--major', 'wx,wy,vx,vy,vz', '--name', 'mine', '-o', 'other.yaml')
     assert printed.startswith('mine: tolerable')
     assert 'task wx wy (wz) vx vy vz' in printed
-    assert 'wrote other.yaml' in printed
+    assert 'wrote other.yaml: 6 legs of type UPS, from base radius 200, base angle 20' in printed
+    assert 'for example' not in printed
+    # From 20 to 45 degrees on circles of 200 and 150 mm, 250 mm up.
+    chord = np.hypot(200 * np.cos(np.radians(25)) - 150, 200 * np.sin(np.radians(25)))
+    assert f'at home legs {np.hypot(chord, 250):.5g} mm long' in printed
     mechanism = mechanism_from_file('other.yaml')
     feet = [strut.joints[0].point for strut in mechanism.struts]
     np.testing.assert_allclose(np.linalg.norm(feet, axis=1), 0.2)
