@@ -6,15 +6,17 @@
 from __future__ import annotations
 
 import argparse
+from math import inf
 from pathlib import Path
-
-import numpy as np
 
 from fault_tolerance.arguments import add_forms
 from fault_tolerance.machine_commands import new_delta, new_hexapod, new_mirror
 from fault_tolerance.machines.legs import LEG_TYPES
 from fault_tolerance.machines.units import Units, units_named
 from fault_tolerance.mechanism.task import COORDINATES
+
+_LARGEST = 1e9
+"""Of any number, in any unit."""
 
 
 def add_new(parser: argparse.ArgumentParser) -> None:
@@ -36,14 +38,14 @@ def add_new(parser: argparse.ArgumentParser) -> None:
         ('height', 'of the platform'), ('crank', 'length of the cranks, RSS'),
         ('base-angle', 'half the angle between neighbours'), ('platform-angle', 'the same'),
     ):
-        one.add_argument(f'--{option}', type=float, metavar='NUMBER', help=f'no table: {words}')
+        one.add_argument(f'--{option}', type=_number, metavar='NUMBER', help=f'no table: {words}')
     _add_output(one)
 
     one = kinds.add_parser('mirror', help='a fast steering mirror on upright struts')
     one.set_defaults(make=new_mirror)
     one.add_argument('--struts', type=int, default=4, metavar='N', help='3 or more (default: 4)')
     for option in ('radius', 'length'):
-        one.add_argument(f'--{option}', type=float, required=True, metavar='NUMBER')
+        one.add_argument(f'--{option}', type=_number, required=True, metavar='NUMBER')
     _add_output(one)
 
     one = kinds.add_parser('delta', help='a delta robot, three translations')
@@ -53,8 +55,8 @@ def add_new(parser: argparse.ArgumentParser) -> None:
         help='cranks, or upright slides (default: RUU)',
     )
     for option in ('base-radius', 'platform-radius', 'rod'):
-        one.add_argument(f'--{option}', type=float, required=True, metavar='NUMBER')
-    one.add_argument('--arm', type=float, metavar='NUMBER', help='length of the cranks, RUU')
+        one.add_argument(f'--{option}', type=_number, required=True, metavar='NUMBER')
+    one.add_argument('--arm', type=_number, metavar='NUMBER', help='length of the cranks, RUU')
     _add_output(one)
 
 
@@ -64,8 +66,8 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
                         help='of all numbers (default: m,rad)')
     parser.add_argument('--any-size', action='store_true',
                         help='let through numbers that look as if they were in other units')
-    parser.add_argument('--stroke', type=float, metavar='NUMBER', help='of drives, both ways')
-    parser.add_argument('--rate', type=float, metavar='NUMBER', help='largest speed of drives')
+    parser.add_argument('--stroke', type=_number, metavar='NUMBER', help='of drives, both ways')
+    parser.add_argument('--rate', type=_number, metavar='NUMBER', help='largest speed of drives')
     parser.add_argument('--origin', type=_point, metavar='X,Y,Z',
                         help='of the platform frame, what vx, vy, vz mean (default: its middle)')
     _add_result(parser)
@@ -76,9 +78,9 @@ def _add_result(parser: argparse.ArgumentParser) -> None:
     for option, words in (('task', 'coordinates'), ('major', 'those of them that must be kept')):
         parser.add_argument(f'--{option}', type=_coordinates, default=(), metavar='wx,wy,...',
                             help=f'{words} (default: all there are)')
-    parser.add_argument('--characteristic-length', type=float, metavar='M',
+    parser.add_argument('--characteristic-length', type=_number, metavar='M',
                         help='metres (default: radius of the points at the platform)')
-    parser.add_argument('--compliance', type=float, metavar='NUMBER', help='of flexures')
+    parser.add_argument('--compliance', type=_number, metavar='NUMBER', help='of flexures')
     parser.add_argument('--name', help='of the mechanism (default: that of the file)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE',
                         help='the mechanism file (default: NAME.yaml, if there is none yet)')
@@ -105,6 +107,16 @@ def add_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='(default: printed)')
 
 
+def _number(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = inf
+    if not abs(number) <= _LARGEST:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number up to {_LARGEST:g}')
+    return number
+
+
 def _units(text: str) -> Units:
     try:
         return units_named(text)
@@ -113,11 +125,8 @@ def _units(text: str) -> Units:
 
 
 def _point(text: str) -> list[float]:
-    try:
-        numbers = [float(word) for word in text.split(',')]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3 or not np.isfinite(numbers).all():
+    numbers = [_number(word) for word in text.split(',')]
+    if len(numbers) != 3:
         raise argparse.ArgumentTypeError(f'{text!r} is not X,Y,Z')
     return numbers
 

@@ -35,7 +35,7 @@ from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.machines.urdf_writing import urdf_texts
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.files import mechanism_from_file
+from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 from fault_tolerance.mechanism.parts import Actuator
 from fault_tolerance.simulation.mjcf import mjcf_text
@@ -173,9 +173,10 @@ def write_mechanism(mechanism: Mechanism, remark: str, chosen: argparse.Namespac
     path = chosen.output or Path(f'{mechanism.name}.yaml')
     if not chosen.output and path.exists():
         raise FaultToleranceError(f'{path} exists already: name a file with -o FILE')
-    _write(path, mechanism_text(mechanism, [remark]))
-    # What is read from the file counts.
-    post = after(mechanism_from_file(path))
+    text = mechanism_text(mechanism, [remark])
+    # What will be read from the file counts.
+    post = after(mechanism_from_text(text, str(path)))
+    _write(path, text)
     commands.measures(post, chosen.form, pairs=False)
     if chosen.form != 'text':
         return

@@ -21,6 +21,9 @@ from fault_tolerance.mechanism.parts import Actuator
 
 _VECTORS = ('base', 'platform', 'hinge', 'slide', 'knee')
 _DRIVE = ('home', 'sign', 'low', 'high', 'rate')
+_LARGEST = 1e9
+"""Metres."""
+
 COLUMNS = (
     'name', 'type', *(f'{vector}_{axis}' for vector in _VECTORS for axis in 'xyz'), *_DRIVE,
 )
@@ -33,8 +36,8 @@ def legs_from_table(path: Path, kind: str, units: Units, *, any_size: bool = Fal
     Parameters
     ----------
     path : Path
-        The first line names the columns (`COLUMNS`), lines that begin with # do not count.
-        Columns are separated by commas, by semicolons (with decimal commas or points) or by tabs.
+        The first line names the columns (`COLUMNS`, in any case, with blanks or underscores).
+        Lines that begin with # do not count. Columns are separated by commas, by semicolons (with decimal commas or points) or by tabs.
     kind : str
         The type of legs of which the table does not say it.
     units : Units
@@ -97,8 +100,8 @@ class _Row:
 
     def vector(self, name: str, factor: float) -> FloatArray:
         numbers = np.array([factor * self.number(f'{name}_{axis}') for axis in 'xyz'])
-        if not np.isfinite(numbers).all():
-            raise self.error(name, 'is not finite')
+        if not (np.abs(numbers) <= _LARGEST).all():
+            raise self.error(name, 'is not finite, or is out of all proportion')
         return numbers
 
 
@@ -117,7 +120,8 @@ def _rows(path: Path) -> Iterator[_Row]:
         raise MechanismError(source, '', 'is empty')
     first = used[0][1]
     mark = max(',;\t', key=first.count)
-    names = [name.strip() for name in next(csv.reader([first], delimiter=mark))]
+    names = [name.strip().lower().replace(' ', '_')
+             for name in next(csv.reader([first], delimiter=mark))]
     for place, name in enumerate(names):
         if name not in COLUMNS:
             reason = f'{name!r} is not a column; the first line names them: {", ".join(COLUMNS)}'

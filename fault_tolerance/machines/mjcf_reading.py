@@ -35,6 +35,8 @@ def linkage_from_mjcf(path: Path) -> Linkage:
     except ImportError:
         reason = "reading MJCF needs mujoco, which is not installed (pip install 'mujoco')"
         raise FaultToleranceError(reason) from None
+    if not path.is_file():
+        raise MechanismError(str(path), '', 'is not a file')
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         _drop_shapes(spec)

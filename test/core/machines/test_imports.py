@@ -263,7 +263,7 @@ def test_import_and_export_on_the_command_line(tmp_path, monkeypatch, capsys):
         (['export', 'again.yaml', '--format', 'mjcf', '-o', 'no/g.xml'], 'cannot be written'),
         (['import', 'again.yaml'], '--format mjcf or urdf?'),
         (['import', 'none.urdf'], 'none.urdf: is no URDF that can be read'),
-        (['import', 'none.xml'], 'none.xml: MuJoCo cannot read it'),
+        (['import', 'none.xml'], 'none.xml: is not a file'),
         (['import', 'g.urdf', '--closures', 'no.yaml'], 'no.yaml: cannot be read'),
         (['import', 'g.xml', '--closures', 'no.yaml'], '--closures is for URDF'),
     ):

@@ -57,7 +57,8 @@ def test_units_of_slides_and_of_cranks(tmp_path):
     f'{HEAD}\n{ROW}\n'.replace(',', '\t'),
     f'{HEAD}\n{ROW}\n'.replace(',', ';').replace('100', '100,0'),
     f'{HEAD}\r\n a , 100,0 ,0,50,20,200,\r\n',
-], ids=['comments', 'tabs', 'decimal commas', 'blanks'])
+    f'{HEAD}\n{ROW}\n'.replace('_', ' ').replace('base', 'Base').replace('name', 'NAME'),
+], ids=['comments', 'tabs', 'decimal commas', 'blanks', 'headings'])
 def test_forms_of_tables(tmp_path, text):
     leg, = legs_of(tmp_path, text)
     np.testing.assert_allclose([*leg.base, *leg.platform], [0.1, 0, 0, 0.05, 0.02, 0.2])
@@ -75,6 +76,7 @@ def test_forms_of_tables(tmp_path, text):
     (f'{HEAD}\n{ROW}x\n', "line 2: platform_z: '200x' is not a number"),
     (f'{HEAD}\na,nan,0,0,50,20,200\n', 'line 2: base_x: is NaN'),
     (f'{HEAD}\na,inf,0,0,50,20,200\n', 'line 2: base: is not finite'),
+    (f'{HEAD}\na,1e200,0,0,50,20,200\n', 'line 2: base: .* out of all proportion'),
     (f'{HEAD},type\n{ROW},UPU\n', "line 2: type: 'UPU' is not one of UPS, SPS"),
     (f'{HEAD},type\n{ROW},PUS\n', 'line 2: slide_x: the table has no such column'),
     (f'{HEAD},knee_x,knee_y,knee_z\n{ROW},1,2,3\n', 'line 2: knee: is not for legs of type UPS'),

@@ -125,6 +125,14 @@ def test_the_rods_of_a_delta_robot_end_where_geometry_says(capsys):
     np.testing.assert_allclose(post.configuration.pose[:3, 3], [0, 0, height], atol=1e-9)
 
 
+def test_a_name_that_stands_for_two_things_leaves_no_file(capsys, folder):
+    table = run(capsys, 'new', 'hexapod', '--template').replace('leg_2', 'ball_1')
+    (folder / 'twice.csv').write_text(table)
+    assert "the name 'ball_1' stands for two things" in refused(
+        capsys, 'new', 'hexapod', 'twice.csv')
+    assert not (folder / 'twice.yaml').exists()
+
+
 def test_a_file_is_not_written_over_unless_it_is_named(capsys):
     run(capsys, 'new', *DELTA, '--arm', '.2')
     assert 'delta_3ruu.yaml exists already: name a file with -o' in refused(
@@ -146,6 +154,10 @@ def test_a_file_is_not_written_over_unless_it_is_named(capsys):
     (['hexapod', *HEXAPOD, '--units', 'ft'], "'ft' is not of the form mm,deg"),
     (['hexapod', *HEXAPOD, '-o', 'no/such.yaml'], 'no/such.yaml: cannot be written'),
     (['hexapod', *HEXAPOD, '--name', 'a', '--stroke', '-3'], 'is not an interval'),
+    (['hexapod', '--base-radius', 'inf'], "'inf' is not a number up to 1e+09"),
+    (['hexapod', '--base-radius', 'nan'], "'nan' is not a number up to"),
+    (['hexapod', *HEXAPOD, '--origin', '1,2,x'], "'x' is not a number up to"),
+    (['hexapod', *HEXAPOD, '--compliance', '2'], 'compliance: 2.0 is not in [0, 1)'),
     (['mirror', '--radius', '1', '--length', '0'], '--length 0 is not positive'),
     (['mirror', '--radius', '1', '--length', '1', '--struts', '2'], '2 struts do not hold'),
     (['mirror', '--radius', '20', '--length', '50'], '75.5 m large: are the numbers in mm?'),
