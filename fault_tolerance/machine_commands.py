@@ -30,7 +30,7 @@ from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
 from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
 from fault_tolerance.machines.presets import HexapodSize, delta, hexapod_legs
-from fault_tolerance.machines.units import Units, require_plausible_size
+from fault_tolerance.machines.units import Units, require_plausible
 from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.machines.urdf_writing import urdf_texts
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -71,7 +71,7 @@ def new_hexapod(chosen: argparse.Namespace) -> None:
         raise FaultToleranceError(f'new hexapod needs {needs}')
     origin = None if chosen.origin is None else units.metres * np.array(chosen.origin)
     if chosen.table:
-        legs = legs_from_table(chosen.table, chosen.legs, units, any_size=chosen.any_size)
+        legs = legs_from_table(chosen.table, chosen.legs, units)
         if chosen.relative and origin is not None:
             legs = [replace(leg, platform=leg.platform + origin) for leg in legs]
         require_height(legs, str(chosen.table))
@@ -146,16 +146,17 @@ def _numbers(chosen: argparse.Namespace, *keys: str) -> str:
 def _finish(mechanism: Mechanism, remark: str, chosen: argparse.Namespace) -> None:
     """Write a new ``mechanism`` as it was ``chosen``, with a ``remark`` on where it is from."""
     units = chosen.units
-    points = np.array([joint.point for strut in mechanism.struts for joint in strut.joints])
-    if not chosen.any_size:
-        require_plausible_size(points, units, mechanism.name)
     if chosen.origin is not None:
         mechanism = replace(mechanism, origin=units.metres * np.array(chosen.origin))
     stroke, rate = (
         (inf, inf) if value is None else (value * units.metres, value * units.radians)
         for value in (chosen.stroke, chosen.rate)
     )
-    write_mechanism(with_limits(mechanism, stroke, rate), remark, chosen)
+    mechanism = with_limits(mechanism, stroke, rate)
+    if not chosen.any_size:
+        table = getattr(chosen, 'table', None)
+        require_plausible(mechanism, units, str(table or mechanism.name))
+    write_mechanism(mechanism, remark, chosen)
 
 
 def write_mechanism(mechanism: Mechanism, remark: str, chosen: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.machines.legs import LEG_TYPES, NEEDS, Leg
-from fault_tolerance.machines.units import Units, require_plausible_size, require_plausible_turns
+from fault_tolerance.machines.units import Units
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.parts import Actuator
 
@@ -30,20 +30,19 @@ COLUMNS = (
 """All columns there are."""
 
 
-def legs_from_table(path: Path, kind: str, units: Units, *, any_size: bool = False) -> list[Leg]:
+def legs_from_table(path: Path, kind: str, units: Units) -> list[Leg]:
     """Return the legs that the CSV file ``path`` lists, in metres and radians.
 
     Parameters
     ----------
     path : Path
         The first line names the columns (`COLUMNS`, in any case, with blanks or underscores).
-        Lines that begin with # do not count. Columns are separated by commas, by semicolons (with decimal commas or points) or by tabs.
+        Lines that begin with # do not count. Columns are separated by commas, by semicolons (with
+        decimal commas or points) or by tabs.
     kind : str
         The type of legs of which the table does not say it.
     units : Units
         Of the table.
-    any_size : bool
-        Whether numbers of the wrong size are let through.
 
     Returns
     -------
@@ -58,15 +57,6 @@ def legs_from_table(path: Path, kind: str, units: Units, *, any_size: bool = Fal
     legs = [_leg(row, number, kind, units) for number, row in enumerate(_rows(path), start=1)]
     if not legs:
         raise MechanismError(source, '', 'lists no leg')
-    if not any_size:
-        points = np.array([point for leg in legs for point in leg.points])
-        require_plausible_size(points, units, source)
-        for leg in filter(lambda leg: leg.turns, legs):
-            drive = leg.drive
-            strokes = [(f'{drive.name}: stroke', value) for value in drive.position]
-            strokes.append((f'{drive.name}: home', drive.home))
-            rates = [(f'{drive.name}: rate', drive.velocity)]
-            require_plausible_turns(strokes, rates, units, source)
     return legs
 
 

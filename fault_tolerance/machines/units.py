@@ -5,14 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, pi
+from math import isfinite, pi
 
 import numpy as np
 
 from fault_tolerance.errors import MechanismError
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.parts import Actuator
 
 _LENGTHS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6}
 _ANGLES = {'rad': 1.0, 'deg': pi / 180.0, 'mrad': 1e-3}
@@ -20,8 +20,13 @@ _ANGLES = {'rad': 1.0, 'deg': pi / 180.0, 'mrad': 1e-3}
 _LARGEST, _SMALLEST = 20.0, 2e-3
 """Metres, of a whole machine."""
 
-_LARGEST_STROKE, _FASTEST = 4.0 * pi, 60.0
-"""Of a crank: rad and rad/s; servo motors with a gear turn at 10 rad/s."""
+_ESCAPE = '--any-size if this is right)'
+
+_LONGEST_STROKE = 3.0
+"""Of a drive that slides, in sizes of the machine."""
+
+_LARGEST_TURN, _LARGEST_READING, _FASTEST = 1.01 * pi, 6.0 * pi, 60.0
+"""Of a crank, either way: rad, rad, rad/s. Servo motors with a gear turn at 10 rad/s."""
 
 
 @dataclass(frozen=True)
@@ -59,47 +64,41 @@ def units_named(text: str) -> Units:
     return Units(*(lengths or ['m']), *(angles or ['rad']))
 
 
-def require_plausible_size(points: FloatArray, units: Units, source: str) -> None:
-    """Refuse ``points`` (k, 3), metres, that lie too far apart or together for a machine.
+def require_plausible(mechanism: Mechanism, units: Units, source: str) -> None:
+    """Refuse a ``mechanism`` whose size, strokes or speeds no machine has.
 
-    ``units`` are those they were given in, ``source`` what errors call where. MechanismError
-    with the likely cause.
+    ``units`` are those its numbers were given in, ``source`` is what errors call where.
+    MechanismError with the likely cause.
     """
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if size > _LARGEST:
-        wrong, likely = 'large', {'m': 'mm', 'cm': 'mm'}
-    elif size < _SMALLEST:
-        wrong, likely = 'small', {'mm': 'm', 'um': 'mm', 'cm': 'm'}
-    else:
-        return
-    reason = f'the machine would be {size:.3g} m {wrong}'
-    if units.length in likely:
-        reason += f': are the numbers in {likely[units.length]}? (--units {likely[units.length]},'
-        reason += f'{units.angle}; '
-    else:
-        reason += ' ('
-    raise MechanismError(source, '', f'{reason}--any-size if this is right)')
+    points = [joint.point for strut in mechanism.struts for joint in strut.joints]
+    size = float(np.linalg.norm(np.ptp(np.array(points), axis=0)))
+    if not _SMALLEST <= size <= _LARGEST:
+        small = size < _SMALLEST
+        likely = {'mm': 'm', 'um': 'mm', 'cm': 'm'} if small else {'m': 'mm', 'cm': 'mm'}
+        other = likely.get(units.length)
+        cause = ' ('
+        if other:
+            cause = f': are the numbers in {other}? (--units {other},{units.angle}; '
+        reason = f'the machine would be {size:.3g} m {"small" if small else "large"}{cause}'
+        raise MechanismError(source, '', f'{reason}{_ESCAPE}')
+    for drive in mechanism.actuators:
+        stroke = max((abs(end) for end in drive.position if isfinite(end)), default=0.0)
+        if drive.kind == 'revolute':
+            _require_plausible_turns(drive, stroke, units, source)
+        elif stroke > _LONGEST_STROKE * size:
+            reason = (f'a stroke of {stroke:.3g} m in a machine of {size:.3g} m: are all numbers '
+                      f'in the same units? ({_ESCAPE}')
+            raise MechanismError(source, drive.name, reason)
 
 
-def require_plausible_turns(
-    numbers: Sequence[tuple[str, float]], rates: Sequence[tuple[str, float]], units: Units,
-    source: str,
-) -> None:
-    """Refuse angles, radians, and rates, rad/s, that are too large for a drive that turns.
-
-    ``numbers`` and ``rates`` come with where they stand in ``source``, and were given in
-    ``units``. MechanismError with the likely cause.
-    """
-    for (where, value), most, unit in (
-        *((one, _LARGEST_STROKE, 'rad') for one in numbers),
-        *((one, _FASTEST, 'rad/s') for one in rates),
+def _require_plausible_turns(drive: Actuator, stroke: float, units: Units, source: str) -> None:
+    rate = drive.velocity if isfinite(drive.velocity) else 0.0
+    for what, value, most, unit in (
+        ('a stroke of', stroke, _LARGEST_TURN, 'rad'),
+        ('home at', abs(drive.home), _LARGEST_READING, 'rad'),
+        ('a rate of', rate, _FASTEST, 'rad/s'),
     ):
-        if most < abs(value) < np.inf:
-            turns = f'{abs(degrees(value)) / 360.0:.3g} turns'
-            per = ' per second' if unit == 'rad/s' else ''
-            reason = f'{value:g} {unit} are {turns}{per}'
-            if units.angle == 'rad':
-                reason += f': are the numbers in degrees? (--units {units.length},deg; '
-            else:
-                reason += ' ('
-            raise MechanismError(source, where, f'{reason}--any-size if this is right)')
+        if value > most:
+            likely = f': are the numbers in degrees? (--units {units.length},deg; '
+            cause = likely if units.angle == 'rad' else ' ('
+            raise MechanismError(source, drive.name, f'{what} {value:.4g} {unit}{cause}{_ESCAPE}')

@@ -133,6 +133,12 @@ def test_a_name_that_stands_for_two_things_leaves_no_file(capsys, folder):
     assert not (folder / 'twice.yaml').exists()
 
 
+def test_numbers_that_look_wrong_are_let_through_where_asked(capsys):
+    assert '75.5 m large' in refused(capsys, 'new', 'mirror', '--radius', 20, '--length', 50)
+    printed = run(capsys, 'new', 'mirror', '--radius', 20, '--length', 50, '--any-size')
+    assert printed.startswith('mirror_of_4_struts: tolerable')
+
+
 def test_a_file_is_not_written_over_unless_it_is_named(capsys):
     run(capsys, 'new', *DELTA, '--arm', '.2')
     assert 'delta_3ruu.yaml exists already: name a file with -o' in refused(
@@ -160,6 +166,7 @@ def test_a_file_is_not_written_over_unless_it_is_named(capsys):
     (['hexapod', *HEXAPOD, '--compliance', '2'], 'compliance: 2.0 is not in [0, 1)'),
     (['mirror', '--radius', '1', '--length', '0'], '--length 0 is not positive'),
     (['mirror', '--radius', '1', '--length', '1', '--struts', '2'], '2 struts do not hold'),
+    ([*DELTA, '--arm', '.2', '--stroke', '60'], 'are the numbers in degrees? (--units m,deg'),
     (['mirror', '--radius', '20', '--length', '50'], '75.5 m large: are the numbers in mm?'),
     ([*DELTA], 'type RUU needs --arm'),
     ([*DELTA, '--arm', '0'], 'arm: 0 is not positive'),
