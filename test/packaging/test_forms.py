@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 WHERE = """
 import json
 import fault_tolerance
-from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
+from fault_tolerance.mechanism.catalogue import gallery_names, mechanism_named, shipped_names
 from fault_tolerance.resources import share_directory
 print(json.dumps({
     'code': fault_tolerance.__file__,
@@ -24,7 +24,8 @@ print(json.dumps({
     'config': sorted(file.name for file in (share_directory() / 'config').iterdir()),
     'security': sorted(file.name for file in (share_directory() / 'security').iterdir()),
     'launch': sorted(file.name for file in (share_directory() / 'launch').glob('*.launch.py')),
-    'mechanisms': {name: len(mechanism_named(name).actuators) for name in shipped_names()},
+    'mechanisms': {name: len(mechanism_named(name).actuators)
+                   for name in (*shipped_names(), *gallery_names())},
 }))
 """
 

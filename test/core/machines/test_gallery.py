@@ -20,9 +20,12 @@ from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.kinematics.reconfiguration import after
+from fault_tolerance.machines.closure_files import closures_from_file
 from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
 from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
+from fault_tolerance.machines.urdf_reading import linkage_from_urdf
+from fault_tolerance.machines.urdf_writing import urdf_texts
 from fault_tolerance.mechanism.catalogue import gallery_names, mechanism_named, shipped_names
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.engines import plant_named
@@ -106,13 +109,18 @@ def test_universal_joints_stand_for_the_parallelograms_of_a_delta_robot(tmp_path
 @pytest.mark.parametrize('name', MACHINES)
 def test_the_gallery_goes_through_other_formats(tmp_path, name):
     mechanism = MACHINES[name]
-    (tmp_path / 'machine.xml').write_text(mjcf_text(mechanism))
-    found = mechanism_of(linkage_from_mjcf(tmp_path / 'machine.xml'))
-    for other in (found, mechanism_from_text(mechanism_text(mechanism))):
-        assert other.task == mechanism.task
+    paths = [tmp_path / f'machine.{ending}' for ending in ('xml', 'urdf', 'yaml')]
+    for path, text in zip(paths, (mjcf_text(mechanism), *urdf_texts(mechanism)), strict=True):
+        path.write_text(text)
+    for found in (
+        mechanism_of(linkage_from_mjcf(paths[0])),
+        mechanism_of(linkage_from_urdf(paths[1], closures_from_file(paths[2]))),
+        mechanism_from_text(mechanism_text(mechanism)),
+    ):
+        assert found.task == mechanism.task
         products = [
             (post.mapping @ post.mapping.T, post.present.twist_jacobian @ post.mapping.T)
-            for post in map(after, (other, mechanism))
+            for post in map(after, (found, mechanism))
         ]
         for first, second in zip(*products, strict=True):
             scale = max(1.0, np.abs(second).max())
