@@ -3,7 +3,8 @@
 """Your own mechanism from a few numbers: a hexapod, its legs, and its worst next failure.
 
 The text made here is what a mechanism file holds; write it to a file, and every command and the
-controller take it by its name (docs/adapting.md).
+controller take it by its name. `python -m fault_tolerance new hexapod` makes such a file from a
+table or a few numbers (docs/adapting.md).
 """
 
 from math import cos, radians, sin

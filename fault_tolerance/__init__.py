@@ -35,7 +35,12 @@ from fault_tolerance.kinematics.paper_formulas import (
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after, reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.kinematics.verdict import Verdict
-from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path, shipped_names
+from fault_tolerance.mechanism.catalogue import (
+    gallery_names,
+    mechanism_named,
+    mechanism_path,
+    shipped_names,
+)
 from fault_tolerance.mechanism.configuration import (
     Configuration,
     fitted_configuration,
@@ -68,12 +73,12 @@ __all__ = [
     'Isolability', 'LoopSettings', 'Mechanism', 'MechanismError', 'MonitorSettings',
     'PostFailure', 'ResolvedRate', 'Sensors', 'Settings', 'Supervisor', 'Verdict', 'after',
     'best_conversion', 'best_design', 'evenly_spaced_mirror', 'failure_set',
-    'fitted_configuration', 'home_configuration', 'isolability', 'mechanism_from_file',
-    'mechanism_from_text', 'mechanism_named', 'mechanism_path', 'next_failure',
-    'pair_measures', 'pose_measures', 'posed_configuration', 'position_measure_by_theorem_2',
-    'present_measures', 'reconfigured', 'resolved_rate', 'shipped_names',
-    'solved_configuration', 'specification_from_file', 'strut_rows', 'tolerance_map',
-    'torque_measure_by_theorem_4', 'widest_route',
+    'fitted_configuration', 'gallery_names', 'home_configuration', 'isolability',
+    'mechanism_from_file', 'mechanism_from_text', 'mechanism_named', 'mechanism_path',
+    'next_failure', 'pair_measures', 'pose_measures', 'posed_configuration',
+    'position_measure_by_theorem_2', 'present_measures', 'reconfigured', 'resolved_rate',
+    'shipped_names', 'solved_configuration', 'specification_from_file', 'strut_rows',
+    'tolerance_map', 'torque_measure_by_theorem_4', 'widest_route',
 ]
 
 # Control and simulation take as long to import as all the rest: only where they are used.

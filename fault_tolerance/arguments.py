@@ -6,11 +6,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from math import inf, isfinite
 from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.detection.responses import Sensors
+
+Command = Callable[[Callable[[argparse.Namespace], None], str], argparse.ArgumentParser]
+"""Returns the parser of the command that a function, named as it is, carries out."""
 
 
 def add_state(parser: argparse.ArgumentParser) -> None:

@@ -37,7 +37,12 @@ from fault_tolerance.drive_rules.rule_files import rules_named
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.kernel.compilation import announced_kernel
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
-from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
+from fault_tolerance.machine_cli import add_machine_commands
+from fault_tolerance.mechanism.catalogue import (
+    gallery_names,
+    mechanism_named,
+    mechanism_path,
+)
 from fault_tolerance.replay.detection_options import DetectOptions
 from fault_tolerance.simulation.engines import ENGINES, require_engine
 from fault_tolerance.simulation.faults import FAULT_WORDS
@@ -117,11 +122,16 @@ def _parser() -> argparse.ArgumentParser:
     one.add_argument('mechanisms', nargs='*', default=list(PAPER_MECHANISMS))
     add_forms(one)
 
+    one = command(_gallery, 'machines of other kinds, or given ones, side by side')
+    one.add_argument('mechanisms', nargs='*', default=list(gallery_names()))
+    add_forms(one)
+
     one = command(_check, 'examine a mechanism (file), and draw it')
     add_state(one)
     one.add_argument('--draw', type=Path, metavar='FILE', help='a picture: .png, .svg or .pdf')
     add_forms(one)
 
+    add_machine_commands(command)
     add_design_commands(command)
     add_isolability(command(_isolability, 'which failures nobody reports can be told apart'))
     one = command(_demo, 'failures and recovery live, with the ROS nodes')
@@ -157,6 +167,10 @@ def _measures(chosen: argparse.Namespace) -> None:
 
 def _table(chosen: argparse.Namespace) -> None:
     commands.table(chosen.mechanisms, chosen.form)
+
+
+def _gallery(chosen: argparse.Namespace) -> None:
+    commands.gallery(chosen.mechanisms, chosen.form)
 
 
 def _check(chosen: argparse.Namespace) -> None:

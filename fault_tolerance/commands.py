@@ -23,6 +23,7 @@ from fault_tolerance.analysis.finding_tables import (
     finding_records,
     finding_table,
 )
+from fault_tolerance.analysis.gallery_tables import gallery_records, gallery_rows, gallery_table
 from fault_tolerance.analysis.hints import text_hints
 from fault_tolerance.analysis.recorded_data import recordings_of
 from fault_tolerance.analysis.reports import measures_report
@@ -69,6 +70,12 @@ def table(names: Sequence[str], form: Form) -> None:
     """Print the paper's Table I for mechanisms or files ``names``, in ``form``."""
     reports = [measures_report(after(mechanism_named(name))) for name in names]
     show(form, paper_rows(reports), paper_records(reports), paper_table(reports))
+
+
+def gallery(names: Sequence[str], form: Form) -> None:
+    """Print the mechanisms or files ``names`` side by side, in ``form``."""
+    rows = gallery_rows([after(mechanism_named(name)) for name in names])
+    show(form, rows, gallery_records(rows), gallery_table(rows))
 
 
 def check(post: PostFailure, source: Path, form: Form, picture: Path | None) -> None:

@@ -6,16 +6,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
 
 from fault_tolerance import commands
-from fault_tolerance.arguments import add_failed, positive, value
+from fault_tolerance.arguments import Command, add_failed, positive, value
 from fault_tolerance.design.grids import Axis, axis_from_text
 from fault_tolerance.errors import FaultToleranceError
-
-Command = Callable[[Callable[[argparse.Namespace], None], str], argparse.ArgumentParser]
-"""Returns the parser of the command that a function, named as it is, carries out."""
 
 
 def add_design_commands(command: Command) -> None:

@@ -18,8 +18,13 @@ def shipped_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _folder().glob('*.yaml')))
 
 
+def gallery_names() -> tuple[str, ...]:
+    """Return the names of the mechanisms of the gallery (docs/gallery.md), sorted."""
+    return tuple(sorted(path.stem for path in _gallery().glob('*.yaml')))
+
+
 def mechanism_named(name: str | Path) -> Mechanism:
-    """Return a shipped mechanism by its name, or the one in a file by its path.
+    """Return a mechanism that comes with the package by its name, or one in a file by its path.
 
     Parameters
     ----------
@@ -38,12 +43,12 @@ def mechanism_named(name: str | Path) -> Mechanism:
 
 
 def mechanism_path(name: str | Path) -> Path:
-    """Return the file of a shipped mechanism, or the path itself.
+    """Return the file of a mechanism that comes with the package, or the path itself.
 
     Parameters
     ----------
     name : str or Path
-        Of a shipped mechanism, or the path of a file.
+        Of a shipped mechanism or one of the gallery, or the path of a file.
 
     Returns
     -------
@@ -57,12 +62,18 @@ def mechanism_path(name: str | Path) -> Path:
     text = str(name)
     if text in shipped_names():
         return _folder() / f'{text}.yaml'
+    if text in gallery_names():
+        return _gallery() / f'{text}.yaml'
     if not text:
         raise MechanismError('mechanism', '', 'no name given')
     if Path(text).suffix in ('.yaml', '.yml') or Path(text).exists():
         return Path(text)
-    shipped = ', '.join(shipped_names())
+    shipped = ', '.join((*shipped_names(), *gallery_names()))
     raise MechanismError(text, '', f'is neither a file nor a shipped mechanism ({shipped})')
+
+
+def _gallery() -> Path:
+    return _folder() / 'gallery'
 
 
 def _folder() -> Path:

@@ -143,7 +143,11 @@ class Mechanism:
 
     def with_encoders(self, side: EncoderSide) -> Mechanism:
         """Return the same mechanism with the encoders of all actuators on one ``side``."""
-        changed = {one.name: replace(one, encoder=side) for one in self.actuators}
+        return self.with_actuators(replace(one, encoder=side) for one in self.actuators)
+
+    def with_actuators(self, actuators: Iterable[Actuator]) -> Mechanism:
+        """Return the same mechanism with other ``actuators`` in the place of those so named."""
+        changed = {one.name: one for one in actuators}
 
         def joint(one: Joint) -> Joint:
             return one if one.actuator is None else replace(

@@ -129,10 +129,20 @@ class _Document:
         self._add(platform, 'inertial', pos=np.zeros(3), mass=self._plate, diaginertia=inertia)
         for strut in self._mechanism.struts:
             self._add_strut(strut)
+        self._add_custom()
         for actuator in self._mechanism.actuators:
             self._add_servos(actuator.name, actuator.joint, actuator.kind == 'revolute')
         ElementTree.indent(self._root)
         return ElementTree.tostring(self._root, encoding='unicode') + '\n'
+
+    def _add_custom(self) -> None:
+        """Write down what MuJoCo has no use for, but whoever reads the file as a mechanism."""
+        custom, mechanism = self._add(self._root, 'custom'), self._mechanism
+        for name in ('characteristic_length', 'compliance'):
+            self._add(custom, 'numeric', name=name, data=getattr(mechanism, name))
+        words = {'task': mechanism.task.coordinates, 'major': mechanism.task.major}
+        for name, names in (*words.items(), ('platform', (PLATFORM,))):
+            self._add(custom, 'text', name=name, data=' '.join(names))
 
     def _add_strut(self, strut: Strut) -> None:
         origin = self._mechanism.origin

@@ -29,6 +29,7 @@ LAYERS = {
     'simulation': 4,
     'closed_loop': 5,
     'design': 5,
+    'machines': 5,
     'replay': 6,
     '__init__': 6,
     'campaign': 7,
@@ -37,10 +38,14 @@ LAYERS = {
     'nodes': 7,
     'arguments': 8,
     'design_cli': 9,
+    'machine_commands': 8,
+    'machine_cli': 9,
     'cli': 10,
     '__main__': 11,
 }
-PURE = ('commissioning', 'mechanism', 'kinematics', 'control', 'drive_rules', 'simulation')
+PURE = (
+    'commissioning', 'machines', 'mechanism', 'kinematics', 'control', 'drive_rules', 'simulation',
+)
 OUTSIDE_WORLD = {'asyncio', 'datetime', 'logging', 'multiprocessing', 'os', 'random', 'socket',
                  'subprocess', 'sys', 'threading', 'time'}
 ROS = {'ament_index_python', 'launch', 'launch_ros', 'launch_testing', 'rclpy', 'ros2cli',

@@ -157,8 +157,8 @@ def same(printed, shown):
 
 @pytest.mark.parametrize('path', DOCUMENTS, **by_name)
 def test_commands_print_what_is_shown(path, tmp_path):
-    for text in blocks(path, 'yaml'):
-        name = re.match(r'# (\S+\.yaml)\n', text)
+    for text in (*blocks(path, 'yaml'), *blocks(path, 'csv')):
+        name = re.match(r'# (\S+\.(?:yaml|csv))\n', text)
         if name:
             (tmp_path / name.group(1)).write_text(text, encoding='utf-8')
     for command, shown in sessions(path):

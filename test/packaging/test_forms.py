@@ -17,7 +17,7 @@ WHERE = """
 import json
 import fault_tolerance
 from fault_tolerance.drive_rules.rule_files import rules_named, shipped_rules
-from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
+from fault_tolerance.mechanism.catalogue import gallery_names, mechanism_named, shipped_names
 from fault_tolerance.resources import share_directory
 print(json.dumps({
     'code': fault_tolerance.__file__,
@@ -25,7 +25,8 @@ print(json.dumps({
     'config': sorted(file.name for file in (share_directory() / 'config').iterdir()),
     'security': sorted(file.name for file in (share_directory() / 'security').iterdir()),
     'launch': sorted(file.name for file in (share_directory() / 'launch').glob('*.launch.py')),
-    'mechanisms': {name: len(mechanism_named(name).actuators) for name in shipped_names()},
+    'mechanisms': {name: len(mechanism_named(name).actuators)
+                   for name in (*shipped_names(), *gallery_names())},
     'rules': {name: len(rules_named(name).rules) for name in shipped_rules()},
 }))
 """
