@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from math import inf, isinf, pi
+from math import inf, isfinite, isinf, pi
 
 import numpy as np
 
+from fault_tolerance.control.input_watchdog import InputWatchdog
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
@@ -31,13 +32,14 @@ WHOLE_TURNS = 0.02
 """Share of a turn by which a jump may differ from whole turns to be called a wrap."""
 
 
-class Continuity:
-    """Takes joint values as continuations of the last ones.
+class Continuity(InputWatchdog):
+    """Takes joint values as continuations of the last ones; a watchdog for them.
 
-    Values of an encoder with a period are unwrapped. Values that no drive can have reached since
-    the last reading are refused, for as long as they come: the time they have been refused for
-    does not make them true. After a gap, where the mechanism did not move on command, and after
-    `forget` whatever comes is believed. Limp drives and lost struts go as fast as they like.
+    Values older than the last ones are refused. Those of an encoder with a period are unwrapped.
+    Values that no drive can have reached since the last reading are refused, for as long as they
+    come: the time they have been refused for does not make them true. After a gap, where the
+    mechanism did not move on command, and after `forget` whatever comes is believed. Limp drives
+    and lost struts go as fast as they like.
 
     Parameters
     ----------
@@ -47,12 +49,17 @@ class Continuity:
 
     Attributes
     ----------
+    moving : bool
+        Whether the mechanism moves on command: else by hand, perhaps.
+    doubt : str
+        Why what is read is not believed, where that has lasted; empty otherwise.
     sensorless : (N,) array of bool
         Actuators that have failed, not with their struts, and whose encoders say nothing.
     """
 
     def __init__(self, mechanism: Mechanism, timeout: float) -> None:
-        self._mechanism, self.timeout = mechanism, timeout
+        super().__init__('joint state', timeout)
+        self._mechanism = mechanism
         drives = mechanism.actuators
         self._speeds = np.array([_speed(one) for one in drives])
         self._slacks = SLACK * mechanism.characteristic_length / mechanism.rate_scale
@@ -60,91 +67,77 @@ class Continuity:
         self._wraps = bool(np.isfinite(self._periods).any())
         self._lasts, self._raws = np.full((2, len(drives)), np.nan)
         self._repeated = np.zeros(len(drives), np.intp)
-        self._failures = FailureSet()
-        self._stuck, self._loose = np.zeros((2, len(drives)), bool)
-        self._heard = self._stamp = self._refused = -inf
+        self._heard = self._refused = -inf
         self._since = inf
-        self._text = ''
-        self.sensorless: BoolArray = np.zeros(len(drives), bool)
+        self.moving, self.doubt = False, ''
+        self.have_failed(FailureSet())
 
     def forget(self) -> None:
         """Believe the next readings, whatever they are."""
-        self._lasts[:], self._heard, self._since = np.nan, -inf, inf
+        self._lasts = np.full_like(self._lasts, np.nan)
+        self._heard, self._since, self.doubt = -inf, inf, ''
 
-    def doubt(self, now: float) -> str:
-        """Return why what is read is not believed ``now`` (s); empty while it is, or but lately.
+    def have_failed(self, failures: FailureSet) -> None:
+        """Go by other ``failures`` from the next readings on."""
+        drives = self._mechanism.actuators
+        self._stuck = np.array([one.name in failures.stuck for one in drives])
+        self._free = np.array([one.name in failures.free for one in drives])
+        self._loose = self._free | [one.strut in failures.lost for one in drives]
+        self._failed = bool((self._stuck | self._free).any())
+        self.sensorless: BoolArray = np.zeros(len(drives), bool)
+        self._repeated[:] = 0
 
-        Parameters
-        ----------
-        now : float
+    def restart_clock(self) -> None:
+        """Let the values be stale until the next ones, which are believed."""
+        super().restart_clock()
+        self.forget()
 
-        Returns
-        -------
-        str
-        """
-        if self._since > now - self.timeout or now - self._refused > self.timeout:
-            return ''
-        return self._text
-
-    def followed(
-        self,
-        values: FloatArray,
-        now: float,
-        stamp: float | None,
-        failures: FailureSet,
-        moving: bool,
-    ) -> tuple[FloatArray, Notice | None]:
-        """Return joint values as they are to be understood, or why they are not believed.
+    def offer(self, value: FloatArray, now: float, stamp: float | None) -> Notice | None:
+        """Take joint values, or return why they are too old or not believed.
 
         Parameters
         ----------
-        values : (N,) array
-            From home, rad or m; NaN where there is none.
+        value : (N,) array
+            From home, rad or m; NaN where there is none. They are kept unwrapped; a stuck drive
+            without a reading is where it was last, a limp one NaN.
         now : float
             When they came, seconds.
         stamp : float or None
-            When they were measured; None: ``now``.
-        failures : FailureSet
-            Those in force.
-        moving : bool
-            Whether the mechanism moves on command: else by hand, perhaps.
+            When they were measured; None and what is ahead count as now.
 
         Returns
         -------
-        values : (N,) array
-            Unwrapped. A stuck drive without a reading is where it was last, a limp one is NaN.
-        notice : Notice or None
-            Why they are not believed.
+        Notice or None
         """
-        if failures is not self._failures:
-            self._note(failures)
+        given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
+        if now - given > self.timeout:
+            return self._too_old('stale', f'{now - given:.3f} s old on arrival')
+        if given < self._stamp:
+            return self._too_old('old', f'{self._stamp - given:.3f} s older than the last')
         gap = now - self._heard
-        given = now if stamp is None else stamp
-        passed = max(gap, given - self._stamp) + GRACE
-        self._heard, self._stamp = now, max(given, self._stamp)
-        if now - self._refused > self.timeout:
-            self._since = inf
+        passed = max(gap, given - self._stamp)
+        self._heard, self._stamp = now, given
+        if self._since != inf and now - self._refused > self.timeout:
+            self._since, self.doubt = inf, ''
         if self._wraps:
-            values = self._unwrapped(values)
-        known = gap <= self.timeout and (moving or not isinf(self._since))
-        if known:
-            far = np.abs(values - self._lasts) > self._slacks + MARGIN * passed * self._speeds
-            if far.any() and (far & ~self._loose).any():
-                return values, self._refusal(values, far & ~self._loose, now, passed - GRACE)
-        if failures.stuck or failures.free:
-            values = self._completed(values)
-        self._lasts = np.where(np.isnan(values), self._lasts, values)
-        return values, None
-
-    def _note(self, failures: FailureSet) -> None:
-        """Prepare what depends on the failures."""
-        drives, self._failures = self._mechanism.actuators, failures
-        self._stuck = np.array([one.name in failures.stuck for one in drives])
-        self._loose = np.array([
-            one.name in failures.free or one.strut in failures.lost for one in drives
-        ])
-        self.sensorless = np.zeros(len(drives), bool)
-        self._repeated[:] = 0
+            value = self._unwrapped(value)
+        if gap <= self.timeout and (self.moving or self._since != inf):
+            reach = self._slacks + MARGIN * (passed + GRACE) * self._speeds
+            far = np.abs(value - self._lasts) > reach
+            if np.logical_or.reduce(far) and (far & ~self._loose).any():
+                return self._refusal(value, far & ~self._loose, now, passed)
+        if self._failed:
+            same = value == self._raws
+            if not same.all():
+                self._repeated = np.where(same, self._repeated + 1, 0)
+            self._raws = value
+            frozen = self._free & (self._repeated >= FROZEN)
+            self.sensorless = (self._stuck | self._free) & (np.isnan(value) | frozen)
+            value = np.where(self.sensorless & self._free, np.nan, value)
+            value = np.where(self.sensorless & self._stuck, self._lasts, value)
+        self._lasts = np.where(np.isnan(value), self._lasts, value)
+        self.value, self.deadline = value, now + self.timeout
+        return None
 
     def _unwrapped(self, values: FloatArray) -> FloatArray:
         """Return ``values`` (N,) nearest to the last ones, or to home, in whole periods."""
@@ -152,19 +145,6 @@ class Continuity:
         with np.errstate(invalid='ignore'):  # infinite periods
             turned = values + np.round((near - values) / self._periods) * self._periods
         return np.where(np.isfinite(self._periods), turned, values)
-
-    def _completed(self, values: FloatArray) -> FloatArray:
-        """Return ``values`` (N,) without those of dead encoders, stuck drives where they were."""
-        same = values == self._raws
-        if not same.all():
-            self._repeated = np.where(same, self._repeated + 1, 0)
-        self._raws = values
-        loose = self._loose & (self._repeated >= FROZEN)
-        silent = np.isnan(values) | loose
-        lost = np.array([one.strut in self._failures.lost for one in self._mechanism.actuators])
-        self.sensorless = silent & (self._stuck | self._loose) & ~lost
-        values = np.where(loose, np.nan, values)
-        return np.where(np.isnan(values) & self._stuck, self._lasts, values)
 
     def _refusal(
         self, values: FloatArray, far: BoolArray, now: float, passed: float
@@ -178,10 +158,11 @@ class Continuity:
             if drive.kind == 'revolute' and abs(turns - round(turns)) < WHOLE_TURNS:
                 text += ' (whole turns: give its `period` in the mechanism file)'
             parts.append(text)
-        self._text = f'readings jump: {", ".join(parts)} in {1e3 * passed:.0f} ms; not believed'
-        self._since = min(self._since, now)
-        self._refused = now
-        return Notice('jump', self._text)
+        text = f'readings jump: {", ".join(parts)} in {1e3 * passed:.0f} ms; not believed'
+        self._refused, self._since = now, min(self._since, now)
+        if now - self._since > self.timeout:
+            self.doubt = text
+        return Notice('jump', text)
 
 
 def _speed(drive: Actuator) -> float:

@@ -277,7 +277,9 @@ def estimate(
             place = Estimate(model, failures, flags, values, numbers).configuration
             least = model.settings.tolerance_threshold
             determined = is_determined(place, failures, values, least)
-    obstacle = unread.text if unread is not None else _obstacle(model, numbers, determined)
+    obstacle = unread.text if unread is not None else ''
+    if not (obstacle or (determined and numbers[at.CLOSED] and not numbers[at.CONTRADICTORY])):
+        obstacle = _obstacle(model, numbers, determined)
     # Where nothing is known of the place, nothing is judged.
     located = bool(numbers[at.LOCATED])
     tolerated = bool(not located or numbers[at.VERDICT] == at.TOLERATED)
@@ -287,13 +289,11 @@ def estimate(
 
 
 def _obstacle(model: ControlModel, numbers: FloatArray, determined: bool) -> str:
-    """Return why readings that can be used must not be acted on; empty if they may."""
+    """Return why readings that can be used must not be acted on."""
     if not determined:
         return 'failed drives without a reading: the others do not say where it is'
     if not numbers[at.CLOSED]:
         return 'the loops do not close at these joint values'
-    if not numbers[at.CONTRADICTORY]:
-        return ''
     limit = model.settings.misfit_limit * model.mechanism.characteristic_length
     return (f'joint readings contradict each other by {numbers[at.MISFIT]:.2g} m'
             f' (limit {limit:.2g} m)')

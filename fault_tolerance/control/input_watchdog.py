@@ -14,15 +14,12 @@ from fault_tolerance.mechanism.arrays import FloatArray
 class InputWatchdog:
     """Keeps the newest usable value of the input ``name``.
 
-    The input is stale after ``timeout`` seconds without a value. If it is ``ordered``, a value
-    stamped earlier than the last one is rejected.
+    The input is stale after ``timeout`` seconds without a value.
     """
 
-    def __init__(self, name: str, timeout: float, *, ordered: bool) -> None:
+    def __init__(self, name: str, timeout: float) -> None:
         self._name = name
-        self._key = name.replace(' ', '_')
         self.timeout = timeout
-        self._ordered = ordered
         self._stamp = -inf
         self.value: FloatArray | None = None
         """The newest usable value; None before there was any."""
@@ -34,26 +31,11 @@ class InputWatchdog:
 
         ``stamp`` (s) is when it was measured or asked for; None and what is ahead count as now.
         """
-        notice = self.late(now, stamp)
-        if notice is None:
-            self.take(value, now, stamp)
-        return notice
-
-    def late(self, now: float, stamp: float | None) -> Notice | None:
-        """Return why what was measured at ``stamp`` (s, see `offer`) is too old ``now`` (s)."""
-        given = _given(now, stamp)
+        given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
         if now - given > self.timeout:
-            text = f'{self._name} is {now - given:.3f} s old on arrival; ignored'
-            return Notice(f'stale_{self._key}', text)
-        if self._ordered and given < self._stamp:
-            text = f'{self._name} is {self._stamp - given:.3f} s older than the last; ignored'
-            return Notice(f'old_{self._key}', text)
+            return self._too_old('stale', f'{now - given:.3f} s old on arrival')
+        self.value, self._stamp, self.deadline = value, given, now + self.timeout
         return None
-
-    def take(self, value: FloatArray, now: float, stamp: float | None) -> None:
-        """Take ``value``, which is not `late` ``now`` (s), measured at ``stamp`` (s)."""
-        self.value, self._stamp = value, _given(now, stamp)
-        self.deadline = now + self.timeout
 
     def restart_clock(self) -> None:
         """Let the value be stale until the next one: the clock was set back."""
@@ -61,6 +43,6 @@ class InputWatchdog:
         if self.value is not None:
             self.deadline = -inf
 
-
-def _given(now: float, stamp: float | None) -> float:
-    return now if stamp is None or not isfinite(stamp) else min(stamp, now)
+    def _too_old(self, reason: str, words: str) -> Notice:
+        key = self._name.replace(' ', '_')
+        return Notice(f'{reason}_{key}', f'{self._name} is {words}; ignored')

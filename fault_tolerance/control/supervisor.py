@@ -70,8 +70,8 @@ class Supervisor:
     ) -> None:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
-        self._readings = InputWatchdog('joint state', given.joint_state_timeout, ordered=True)
-        self._velocity = InputWatchdog('task velocity', given.command_timeout, ordered=False)
+        self._readings = Continuity(mechanism, given.joint_state_timeout)
+        self._velocity = InputWatchdog('task velocity', given.command_timeout)
         self._ledger = FailureLedger(
             mechanism,
             auto_clear=self.settings.auto_clear,
@@ -84,7 +84,6 @@ class Supervisor:
         self._command = no_command(self._model)
         self._watch = Watch(mechanism, self.settings)
         self.converter = Converter(mechanism, given.convert == 'act')
-        self._continuity = Continuity(mechanism, self.settings.joint_state_timeout)
         self._shape = (len(mechanism.actuators),)
         self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
         self._beside: tuple[FloatArray, FailureSet] | None = None
@@ -114,7 +113,7 @@ class Supervisor:
     def go_on_with(self, settings: Settings) -> None:
         """Take other ``settings``, from the next step on; what has been latched stays."""
         self.settings = self._watch.settings = settings
-        self._readings.timeout = self._continuity.timeout = settings.joint_state_timeout
+        self._readings.timeout = settings.joint_state_timeout
         self.converter.acting = settings.convert == 'act'
         self._velocity.timeout = settings.command_timeout
         self._ledger.set_rules(
@@ -132,19 +131,16 @@ class Supervisor:
         only joints that have failed may lack. They were measured at ``stamp`` (``now`` by default,
         seconds). Of rejected ones the last good ones stand until they are stale.
         """
-        self._pass_time(now)
-        taken = np.array(values, dtype=np.float64)
-        taken.setflags(write=False)
-        failures, notice = self._ledger.failures, None
+        if now < self._now:
+            self.forget_times(now)
+        self._now = now
+        taken, notice = np.array(values, dtype=np.float64), None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
-            notice = unusable(self.mechanism, taken, failures.parts)
-        notice = notice or self._readings.late(now, stamp)
+            notice = unusable(self.mechanism, taken, self._ledger.failures.parts)
+            taken[~(np.abs(taken) <= LARGEST_VALUE)] = np.nan
+        taken.setflags(write=False)
+        notice = notice or self._readings.offer(taken, now, stamp)
         if notice is None:
-            taken, notice = self._continuity.followed(
-                taken, now, stamp, failures, self.output.state in MOVING
-            )
-        if notice is None:
-            self._readings.take(taken, now, stamp)
             self._outdated = self._unread = True
         return notice
 
@@ -179,6 +175,7 @@ class Supervisor:
         update = self._ledger.apply(reports, now)
         if update.changed:
             self._outdated, self._reported_at = True, started
+            self._readings.have_failed(self._ledger.failures)
             if self.converter.confirms(self._ledger.failures):
                 self._machine.release()
         return update
@@ -192,7 +189,8 @@ class Supervisor:
         """
         self._pass_time(now)
         cleared = self._ledger.clear(now)
-        self._continuity.forget()
+        self._readings.have_failed(self._ledger.failures)
+        self._readings.forget()
         self._outdated, self._errors = True, 0
         was_stopped = self._machine.release()
         state = self.step(now).state.value
@@ -212,13 +210,12 @@ class Supervisor:
     def pause(self, paused: bool, now: float) -> None:
         """Hold from ``now`` on while ``paused``."""
         self._pass_time(now)
-        self._continuity.forget()
+        self._readings.forget()
         self._paused = paused
 
     def forget_times(self, now: float) -> None:
         """Wait for fresh inputs: the clock they are stamped by was set back to ``now``."""
         self._readings.restart_clock()
-        self._continuity.forget()
         self._velocity.restart_clock()
         self._ledger.restart_clock(now)
 
@@ -227,11 +224,12 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        self._pass_time(now)
+        if now < self._now:
+            self.forget_times(now)
+        self._now = now
         ledger, readings, velocity = self._ledger, self._readings, self._velocity
         failures, before, settings = ledger.failures, self._command, self.settings
-        command = None
-        asked, idle = self._still, ''
+        command, asked, idle = None, self._still, ''
         if velocity.value is None:
             idle = 'no task velocity yet'
         elif now > velocity.deadline:
@@ -245,12 +243,12 @@ class Supervisor:
             if readings.value is not None and (self._outdated or not stale):
                 if self._unread:  # else from the same place again: the same to the last bit
                     self._base, self._unread = found, False
-                base, values = self._base, readings.value
-                found = self._estimate = estimate(self._model, base, values, failures)
+                found = self._estimate = estimate(
+                    self._model, self._base, readings.value, failures)
                 self._outdated = False
-            degraded = found if failures.stuck or failures.free or failures.lost else ''
+            degraded = found if failures.parts else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
-            hold: Reason = 'paused' if self._paused else self._continuity.doubt(now)
+            hold: Reason = 'paused' if self._paused else readings.doubt
             if stale and not hold:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
             hold = hold or found.obstacle
@@ -271,14 +269,14 @@ class Supervisor:
             command = resting(command or before, failures, now)
         elif self._beside is not None and self._beside[1] is failures:
             command = command.with_rates_beside(self._beside[0])
-        self._command = command
+        self._command, readings.moving = command, decision.state in MOVING
         if self._reported_at is not None and settings.clock is not None:
             self._reconfiguration_time = settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, asked, idle,
             stale or readings.value is None, self._reconfiguration_time,
-            self._continuity.sensorless, self._watch.notices,
+            readings.sensorless, self._watch.notices,
         )
         return self.output
 

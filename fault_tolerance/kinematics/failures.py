@@ -73,6 +73,8 @@ class FailureSet:
     stuck: tuple[str, ...] = ()
     free: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
+    parts: tuple[str, ...] = field(init=False, repr=False)
+    """The names of all that has failed, actuators and struts."""
     _unordered: tuple[frozenset[str], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -83,13 +85,14 @@ class FailureSet:
                 raise FailureError(names, f'{key} is one text, expected several names')
             object.__setattr__(self, key, tuple(names))
         seen: set[str] = set()
-        for name in self.parts:
+        for name in (*self.stuck, *self.free, *self.lost):
             _require_name(name)
             if name in seen:
                 raise FailureError(name, 'named twice in one set of failures')
             seen.add(name)
         unordered = frozenset(self.stuck), frozenset(self.free), frozenset(self.lost)
         object.__setattr__(self, '_unordered', unordered)
+        object.__setattr__(self, 'parts', (*self.stuck, *self.free, *self.lost))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FailureSet):
@@ -118,11 +121,6 @@ class FailureSet:
             *(Failure(FailureMode.TORQUE, name) for name in self.free),
             *(Failure(FailureMode.HARD, name) for name in self.lost),
         )
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """The names of what has failed, actuators and struts."""
-        return (*self.stuck, *self.free, *self.lost)
 
     def of(self, mechanism: Mechanism) -> FailureSet:
         """Return this set in the order of ``mechanism``, without actuators in lost struts.

@@ -82,7 +82,7 @@ class InputSubscriber:
             Positions in rad or m; joints that have failed may be absent or NaN.
         """
         now = self._timeline.now()
-        failed = self._supervisor.failures.parts
+        failed = self._supervisor.output.failures.parts
         values, notice = self._joints.readings(message.name, message.position, failed, now)
         self._joints.timeout = self._supervisor.settings.joint_state_timeout
         if self._joints.in_parts and not self._in_parts:

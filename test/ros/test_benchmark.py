@@ -9,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from benchmark.targets import TARGETS
+
 ROOT = Path(__file__).resolve().parents[2]
 ROWS = {
     'echo of a joint state', 'echo of an array', 'joint state -> command',
@@ -38,7 +40,7 @@ def test_a_quick_benchmark_writes_its_results(tmp_path):
     # Every report led to new kinematics, and so did every release.
     assert report['reconfigurations'] >= 2 * 2 * 6 - 2 * report['lost']
     targets = {one['quantity']: one for one in results['targets']}
-    assert len(targets) == 17
+    assert len(targets) == len(TARGETS)
     reached = targets['failure report -> first command, over the echo after the same pause']
     assert reached['measured'] > 0.0
     assert reached['must_met'] is (reached['measured'] <= reached['must'])

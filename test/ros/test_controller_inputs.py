@@ -386,6 +386,8 @@ def test_a_lost_struts_joints_may_be_missing_or_nan(asking, probe):
 def test_one_message_per_joint_makes_one_step(asking, probe):
     asking.settle(NOMINAL)
     for _ in range(10):
+        asking.settle(NOMINAL)
+        probe.spin(0.005)
         probe.commands.clear()
         stamp = asking.stamp()
         for name in NAMES:

@@ -347,7 +347,8 @@ def test_a_stall_is_counted_and_not_made_up_for(machine):
 
 
 def test_a_parameter_that_is_fixed_or_bad_is_refused_with_a_reason(machine):
-    for name, value in (('stroke_gain', 20.0), ('tolerance_threshold', 5.0), ('recovery', 'no')):
+    changes = {'mechanism': 'planar_4rpr', 'tolerance_threshold': 5.0, 'recovery': 'no'}
+    for name, value in changes.items():
         result = machine.probe.set_parameter('fault_tolerance', name, value)
         assert not result.successful
         assert result.reason

@@ -41,16 +41,11 @@ def specification(folder, **changes):
     return specification_from_file(file)
 
 
+# `python -m benchmark.optima` finds those of up to nine drives.
 @pytest.mark.parametrize('sizes', [(4, 3, 1), (6, 3, 1), (5, 3, 2), (6, 3, 2), (6, 3, 3)], ids=str)
 def test_the_best_worst_torque_measures_are_found(sizes, tmp_path):
     found = torque_design(tmp_path, *sizes, generations=5, polish=14)
     assert found.worst[0] == pytest.approx(TORQUE[sizes], abs=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('sizes', [one for one in TORQUE if one[0] > 6], ids=str)
-def test_the_best_worst_torque_measures_of_more_drives_are_found(sizes, tmp_path):
-    assert torque_design(tmp_path, *sizes).worst[0] == pytest.approx(TORQUE[sizes], abs=1e-3)
 
 
 def test_the_best_worst_position_measure_is_found(tmp_path):
