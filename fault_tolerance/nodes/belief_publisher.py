@@ -9,7 +9,7 @@ from time import monotonic
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -18,8 +18,13 @@ from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.configuration import Configuration, home_configuration
 from fault_tolerance.nodes.markers import MarkerPublisher, View
-from fault_tolerance.nodes.messages import pose_to_msg
+from fault_tolerance.nodes.messages import pose_to_msg, transform_from_msg
 from fault_tolerance.nodes.spinning import Deferred
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:  # comes with ROS 2, not with the wheels
+    TFMessage = None
 
 PERIOD = 0.004
 """Seconds between two poses at least."""
@@ -27,6 +32,8 @@ PERIOD = 0.004
 
 class BeliefPublisher:
     """Publishes ``~/platform_pose`` and ``~/markers`` in the frame ``frame``, to subscribers.
+
+    Where tf2_msgs is installed, ``/tf`` has the same pose, of a frame named as the mechanism.
 
     ``deferred`` gets the work: a command does not wait for it. Motions are drawn ``exaggeration``
     times as large; of a mechanism given by its Jacobian nothing can be drawn.
@@ -43,7 +50,10 @@ class BeliefPublisher:
         self._due = 0.0
         self._stamp = Time()
         self._poses = node.create_publisher(PoseStamped, '~/platform_pose', 10)
+        self._transforms = TFMessage and node.create_publisher(TFMessage, '/tf', 100)
         mechanism = supervisor.mechanism
+        # One tree for all robots: frames carry the namespace.
+        self._child = f'{node.get_namespace()}/{mechanism.name}'.lstrip('/')
         self._markers = MarkerPublisher(
             node, mechanism, self._view, self._seen(home_configuration(mechanism)), frame,
             exaggeration, with_target=False,
@@ -55,7 +65,7 @@ class BeliefPublisher:
         if now < self._due:
             return
         drawn = self._markers is not None and self._markers.subscribed
-        if drawn or self._poses.get_subscription_count():
+        if drawn or self._transforms or self._poses.get_subscription_count():
             self._due = now + PERIOD
             stamp = message.header.stamp
             self._stamp = stamp if stamp.sec or stamp.nanosec else self._clock.now().to_msg()
@@ -66,8 +76,12 @@ class BeliefPublisher:
         # Where the loops do not close, the pose is that of an earlier joint state.
         if not estimate.located or estimate.obstacle:
             return
-        if self._poses.get_subscription_count():
-            self._poses.publish(pose_to_msg(self._stamp, self._frame, estimate.pose))
+        if self._transforms or self._poses.get_subscription_count():
+            message = pose_to_msg(self._stamp, self._frame, estimate.pose)
+            self._poses.publish(message)
+            if self._transforms:
+                found: TransformStamped = transform_from_msg(message, self._child)
+                self._transforms.publish(TFMessage(transforms=[found]))
         if self._markers is not None:
             self._markers.show(self._stamp)
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped, TwistStamped, Vector3Stamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, Vector3Stamped
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -80,6 +80,15 @@ def pose_to_msg(stamp: Time, frame: str, pose: FloatArray) -> PoseStamped:
     turned = Rotation.from_matrix(pose[:3, :3].copy())
     turn.x, turn.y, turn.z, turn.w = turned.as_quat().tolist()
     return message
+
+
+def transform_from_msg(message: PoseStamped, child: str) -> TransformStamped:
+    """Return the pose in a ``message`` as the transform of a frame ``child``."""
+    found = TransformStamped(header=message.header, child_frame_id=child)
+    position, moved = message.pose.position, found.transform.translation
+    moved.x, moved.y, moved.z = position.x, position.y, position.z
+    found.transform.rotation = message.pose.orientation
+    return found
 
 
 def vector_to_msg(stamp: Time, frame: str, vector: FloatArray) -> Vector3Stamped:

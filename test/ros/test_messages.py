@@ -26,6 +26,7 @@ from fault_tolerance.nodes.messages import (
     pose_from_msg,
     pose_to_msg,
     status_to_msg,
+    transform_from_msg,
     twist_from_msg,
     twist_to_msg,
     vector_to_msg,
@@ -61,6 +62,18 @@ def test_a_pose_comes_back(turn, position):
     np.testing.assert_allclose(
         pose_from_msg(sent(pose_to_msg(STAMP, 'base_link', pose))), pose, atol=1e-12
     )
+
+
+def test_a_transform_is_the_pose_it_is_made_from():
+    turned = Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    pose = np.eye(4)
+    pose[:3] = np.hstack([turned, [[1.0], [2.0], [3.0]]])
+    pose = pose_to_msg(STAMP, 'base_link', pose)
+    found = sent(transform_from_msg(pose, 'robot/mirror'))
+    assert (found.header, found.child_frame_id) == (pose.header, 'robot/mirror')
+    moved, turn = found.transform.translation, found.transform.rotation
+    assert (moved.x, moved.y, moved.z) == (1.0, 2.0, 3.0)
+    assert turn == pose.pose.orientation
 
 
 @pytest.mark.parametrize('field', ['position', 'orientation'])
