@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is strange about a step: readings beyond the strokes, and a task that moves nothing."""
+"""Whether joint readings can be true: within the strokes of the mechanism file."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ class Plausibility:
         stroke = limits[:, 1] - limits[:, 0]
         margin = OVERSHOOT * np.where(np.isfinite(stroke), stroke, 0.0)
         self._lowest, self._highest = limits[:, 0] - margin, limits[:, 1] + margin
-        self._values: FloatArray | None = None
-        self._beyond: tuple[Notice, ...] = ()
         self.out_of_range: tuple[str, ...] = ()
         """Actuators whose readings lie beyond their strokes."""
         self.notices: tuple[Notice, ...] = ()

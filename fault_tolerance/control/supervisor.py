@@ -17,7 +17,7 @@ import numpy as np
 
 from fault_tolerance.control.continuity import Continuity
 from fault_tolerance.control.converter import Converter
-from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.estimate import Estimate, control_model, estimate
 from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
 from fault_tolerance.control.input_watchdog import InputWatchdog
@@ -176,7 +176,9 @@ class Supervisor:
         if update.changed:
             self._outdated, self._reported_at = True, started
             self._readings.have_failed(self._ledger.failures)
-            if self.converter.confirms(self._ledger.failures):
+            # Only a stop for what cannot be tolerated is over with a conversion.
+            done = self.converter.confirms(self._ledger.failures)
+            if done and isinstance(self._machine.stop, Estimate):
                 self._machine.release()
         return update
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -95,13 +94,6 @@ class Objective:
         if not 0 <= drives - first < len(angles):
             return None
         return spare / drives * sin(np.radians(angles[drives - first]))
-
-
-def worst_values(objectives: Sequence[Objective], posts: Sequence[PostFailure]) -> list[float]:
-    """Return the worst of each of ``objectives`` over ``posts``."""
-    return [
-        float(min(one.values(post).min(initial=1.0) for post in posts)) for one in objectives
-    ]
 
 
 def _bound(few: int, many: int, count: int) -> float:

@@ -80,6 +80,19 @@ def test_what_nobody_confirms_is_told_once_and_stays_stopped():
     assert supervisor.step(3.0).state is State.STOPPED
 
 
+def test_a_stop_for_another_reason_is_not_lifted(monkeypatch):
+    """Three internal errors stop it until somebody has looked, not until a brake has closed."""
+    supervisor = running(braked())
+    output = report(supervisor, 'torque', 'theta_2', 1.0)
+    assert supervisor.converter.consider(output, 1.0)
+    with monkeypatch.context() as patch:
+        patch.setattr('fault_tolerance.control.supervisor.estimate', lambda *_: 1 / 0)
+        for step in range(3):
+            supervisor.step(1.1 + 0.01 * step)
+    assert 'internal error' in supervisor.output.reason
+    assert report(supervisor, 'position', 'theta_2', 1.6).state is State.STOPPED
+
+
 def test_it_is_only_advised_by_default():
     supervisor = running(braked(), 'advise')
     output = report(supervisor, 'torque', 'theta_2', 1.0)
