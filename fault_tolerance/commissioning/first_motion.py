@@ -15,7 +15,12 @@ from fault_tolerance.commissioning.findings import Finding, listed, quantity, wr
 from fault_tolerance.commissioning.jogs import BEYOND, Jog, Jogger, Sample, Steps, Surprise
 from fault_tolerance.commissioning.limits_of_knowledge import untold
 from fault_tolerance.commissioning.matrix_findings import matrix_findings
-from fault_tolerance.commissioning.single_drives import ROUGHLY, moving, single_findings
+from fault_tolerance.commissioning.single_drives import (
+    ROUGHLY,
+    SCALE_TOLERANCE,
+    moving,
+    single_findings,
+)
 from fault_tolerance.commissioning.step_sizes import Plan
 from fault_tolerance.commissioning.travels import Travels, delay_of
 from fault_tolerance.commissioning.whole_motions import whole_findings
@@ -185,11 +190,12 @@ class FirstMotion:
     ) -> Generator[FloatArray, Sample, _Tried]:
         """Make a motion that readings show as ``reach`` of it, as they go ``gain`` times as far.
 
-        It is made again, smaller, where a reading goes farther than that.
+        It is made again, smaller, where a reading goes farther than that, and as it was where the
+        way back is not as long as the way out: a stall of the host lengthens one of them.
         """
         share = reach / gain
         pulse = self.plan.pulse * (1.0 if reach == 1.0 else PILOT_PULSE / 0.8)
-        rough: _Tried | None = None
+        rough = uneven = None
         for _ in range(_OFTEN_ENOUGH):
             jog = Jog(direction, BEYOND * steps * reach)
             yield from self._jogger.jog(jog, share, pulse)
@@ -197,13 +203,23 @@ class FirstMotion:
                 raise Surprise(f'something moved before {label} was commanded')
             tried = _Tried(jog, jog.response, jog.stopped)
             if not jog.stopped:
+                if reach == 1.0 and not self._is_even(jog):
+                    uneven = tried
+                    continue
                 weak = self._gain(tried, steps, least=0.0) * share < 0.2 * reach
                 return rough if rough is not None and weak else tried
             rough = tried
             share = reach / self._gain(tried, steps)
+        if uneven is not None:  # as backlash and friction are, however often it is tried
+            return uneven
         if reach < 1.0 and rough is not None:
             return rough
         raise Surprise(f'at a command for {label} readings went beyond twice the step')
+
+    def _is_even(self, jog: Jog) -> bool:
+        """Return whether every joint came back, so that its travel may be judged finely."""
+        band = 0.5 * SCALE_TOLERANCE * np.abs(jog.out).max() + 8.0 * self._jogger.uncertainty()
+        return bool((np.abs(jog.out + jog.back) <= band).all())
 
     def _gain(self, tried: _Tried, steps: FloatArray, least: float = 1.0) -> float:
         """Return how many times as far as it should the farthest reading went, or ``least``."""

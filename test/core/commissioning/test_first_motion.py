@@ -223,7 +223,7 @@ def test_a_drive_that_does_not_move(name):
 @pytest.mark.parametrize('name', ['serial_3r', 'mirror_4_strut'])
 def test_a_delay_is_measured_and_warned_of(name):
     for delay in (0.03, 0.1, 0.3):
-        motion = found_by(name, delay=delay)
+        motion = found_by(name, delay=delay, period=0.01)
         assert not wrong_of(motion)
         assert motion.median_delay == pytest.approx(delay, abs=0.004)
         warned = [one.entry for one in motion.findings if one.level == 'warning']
@@ -316,6 +316,32 @@ def test_readings_that_cease_stop_it():
     assert motion.ended
     assert 'no reading' in motion.surprise
     assert not motion.reading(machine.now + 0.3, plan.steps).any()
+
+
+@pytest.mark.parametrize('number', [1, 3])
+def test_a_stall_of_the_host_accuses_no_drive(number):
+    """For a tenth of a second no reading is answered; then all that have come are, at once."""
+    mechanism = mechanism_named('mirror_3_strut')
+    machine = Machine(mechanism, period=0.01)
+    mean, noise = rest(mechanism, machine)
+    motion = FirstMotion(planned(mechanism, couplings(mechanism, mean)), noise, mean)
+    rates, braked, stalled = np.zeros(3), 0, False
+    # Past the fastest of a whole step, when it slows down most.
+    half = np.abs(motion.plan.steps).max() / motion.plan.pulse
+    while not motion.ended:
+        before, pending = np.abs(rates).max(), []
+        stalls = braked == number and not stalled
+        for _ in range(11 if stalls else 1):
+            readings = machine.step(rates)
+            pending.append((machine.now, values_of(mechanism, readings)))
+        stalled |= stalls
+        for now, values in pending:
+            rates = motion.reading(now, values)
+        braked += bool(np.abs(rates).max() <= half < before)
+    assert stalled
+    assert not motion.surprise
+    assert not wrong_of(motion)
+    assert len(motion.progress) == 3
 
 
 def test_what_moves_by_itself_stops_it():
