@@ -26,7 +26,8 @@ def run_pytest(tmp_path):
             (tmp_path / 'test' / 'test_given.py').write_text(test)
         with (tmp_path / 'conftest.py').open('a') as file:
             file.write(conftest)
-        environment = {**os.environ, 'PYTEST_ADDOPTS': ''}
+        environment = {
+            **os.environ, 'PYTEST_ADDOPTS': '', 'PYTEST_DISABLE_PLUGIN_AUTOLOAD': '1'}
         return subprocess.run(
             [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', *where, *arguments],
             cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)

@@ -40,16 +40,17 @@ def file_of(folder, name, *replacements, first=''):
     return path
 
 
-@pytest.fixture
-def simulator(start, probe):
-    """Start a simulated mechanism, and wait for its joint states."""
-    def started(mechanism, **parameters):
-        node = start('fsm_simulator', mechanism=mechanism, **parameters)
-        heard = probe.joint_states()
-        probe.wait(lambda: heard, 'joint states')
-        return node
+@pytest.fixture(scope='module')
+def mirror(start_for_module):
+    return start_for_module('fsm_simulator', mechanism='mirror_3_strut')
 
-    return started
+
+@pytest.fixture
+def simulator(mirror, probe):
+    """Return a simulated mirror of three struts whose joint states are heard."""
+    heard = probe.joint_states()
+    probe.wait(lambda: heard, 'joint states')
+    return mirror
 
 
 def begun(running, probe):
@@ -62,7 +63,6 @@ def begun(running, probe):
 @pytest.fixture
 def moving(simulator, probe):
     """Return a machine and its first motion, which has begun."""
-    node = simulator('mirror_3_strut')
     for _ in range(3):
         probe.commands.clear()
         running = process('mirror_3_strut', '--yes', '--json')
@@ -72,7 +72,7 @@ def moving(simulator, probe):
         print(*ended(running))
     else:
         pytest.fail('it never began to move')
-    yield node, running
+    yield simulator, running
     if running.poll() is None:
         running.kill()
         running.wait()
@@ -89,7 +89,6 @@ def stopped(moving, probe):
 
 @pytest.mark.slow
 def test_a_right_file(simulator, probe):
-    simulator('mirror_3_strut')
     for _ in range(3):
         code, output, errors = ended(process('mirror_3_strut', '--yes'))
         if code != 2:  # a stall of a busy host is a surprise, and stops it
@@ -104,7 +103,6 @@ def test_a_right_file(simulator, probe):
 
 @pytest.mark.slow
 def test_a_wrong_order(simulator, tmp_path):
-    simulator('mirror_3_strut')
     file = file_of(tmp_path, 'mirror_3_strut', first='actuators: [theta_2, theta_3, theta_1]\n')
     code, output, _ = ended(process(file, '--yes', '--json'))
     assert code == 1
@@ -116,7 +114,6 @@ def test_a_wrong_order(simulator, tmp_path):
 
 
 def test_wrong_names_are_listed_and_nothing_moves(simulator, probe, tmp_path):
-    simulator('mirror_3_strut')
     name = '{name: theta_2, '
     file = file_of(tmp_path, 'mirror_3_strut', (name, f'{name}joint_state_name: theta2, '))
     code, output, _ = ended(process(file, '--yes'))
@@ -127,7 +124,6 @@ def test_wrong_names_are_listed_and_nothing_moves(simulator, probe, tmp_path):
 
 
 def test_without_a_terminal_it_needs_yes(simulator, probe):
-    simulator('mirror_3_strut')
     code, output, errors = ended(process('mirror_3_strut'))
     assert (code, output) == (2, '')
     assert errors.count('\n') == 1
@@ -138,7 +134,6 @@ def test_without_a_terminal_it_needs_yes(simulator, probe):
 
 @pytest.mark.parametrize('answer', ['\n'])
 def test_an_answer_that_is_not_yes_moves_nothing(simulator, probe, answer):
-    simulator('mirror_3_strut')
     ours, theirs = pty.openpty()
     running = process('mirror_3_strut', stdin=theirs)
     os.write(ours, answer.encode())
@@ -152,7 +147,6 @@ def test_an_answer_that_is_not_yes_moves_nothing(simulator, probe, answer):
 
 
 def test_another_node_that_commands_is_refused(start, simulator, probe):
-    simulator('mirror_3_strut')
     start('controller', mechanism='mirror_3_strut')
     probe.wait_for_state('nominal')
     code, output, errors = ended(process('mirror_3_strut', '--yes'))
@@ -163,9 +157,9 @@ def test_another_node_that_commands_is_refused(start, simulator, probe):
 
 
 def test_without_a_machine_it_says_so_in_one_line():
-    code, output, errors = ended(process('mirror_3_strut', '--yes'))
+    code, output, errors = ended(process('mirror_3_strut', '--yes', '--namespace', '/nobody'))
     assert (code, output) == (2, '')
-    assert errors == 'fault_tolerance: no joint state on /joint_states (0 publishers)\n'
+    assert errors == 'fault_tolerance: no joint state on /nobody/joint_states (0 publishers)\n'
 
 
 def test_joint_states_that_cease_stop_it(moving, probe):
