@@ -30,6 +30,9 @@ NODES = 'ros'
 CORE = 'core'
 """The folder that needs no nodes. All others are found."""
 
+PACKAGING = 'packaging'
+"""The folder that needs no machine code: it begins while that is made."""
+
 CHECKED = {'ROS_PYTHON_CHECK_FIELDS': '1'}
 # The matrices are small, and all processors are taken.
 BESIDE_OTHERS = {'OPENBLAS_NUM_THREADS': '1', 'FAULT_TOLERANCE_PARTS': '1'}
@@ -69,10 +72,11 @@ def modules_of(*folders: str) -> list[str]:
 def groups() -> tuple[list[Group], Group]:
     """Return what runs side by side, and what runs alone after it."""
     folders = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
-    others = modules_of(*(name for name in folders if name not in (NODES, CORE)))
-    nodes, core = modules_of(NODES), modules_of(CORE)
+    others = modules_of(*(name for name in folders if name not in (NODES, CORE, PACKAGING)))
+    nodes, core, packaging = modules_of(NODES), modules_of(CORE), modules_of(PACKAGING)
     timed = [name for name in nodes if 'mark.timed' in (HERE.parent / name).read_text()]
     return [
+        Group('packaging', packaging, 1, (), BESIDE_OTHERS),
         Group('nodes', nodes, 2, ('-m', 'not timed'), {**BESIDE_OTHERS, **CHECKED}),
         Group('others', others, 1, (), BESIDE_OTHERS),
         Group('core', core, 2, (), BESIDE_OTHERS, polite=True),
@@ -247,9 +251,6 @@ def main(arguments: list[str]) -> int:
     begin = time.monotonic()
     # What has been started is ended at either signal.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    # Compiled once, and not by every test that starts a node.
-    subprocess.run([sys.executable, '-m', 'fault_tolerance.kernel'], cwd=HERE.parent,
-                   check=False)
     side_by_side, alone = groups()
     result = Result(whole=not arguments)
     with tempfile.TemporaryDirectory() as place:
@@ -261,6 +262,10 @@ def main(arguments: list[str]) -> int:
                     Part(group, number, folder, arguments, quiet=True)
                     for number in range(1, group.processes + 1)
                 ])
+                if group.name == PACKAGING:
+                    # Compiled once, and not by every test that starts a node.
+                    subprocess.run([sys.executable, '-m', 'fault_tolerance.kernel'],
+                                   cwd=HERE.parent, check=False)
             for group, parts in zip(side_by_side, running, strict=True):
                 if group.polite:
                     # All that it gave way to has ended.

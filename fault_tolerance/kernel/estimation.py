@@ -113,23 +113,21 @@ def _located_by(
     start = Location(last.pose, last.values, last.openings, _struts(m, last))
     if len(m.chains.joints) == 0:
         return Closing(start, structure_of(start.struts, failed), 0.0, 0.0, 1)
-    best = Closing(start, structure_of(start.struts, failed), 0.0, 0.0, 0)
-    misfit, nearest = 0.0, start
-    for attempt in range(2):
-        found = closed(m, nearest, failed, target)
-        off = largest_misfit(m, found.location.values, failed, target)
-        fits = found.steps > 0 and off <= m.law.misfit_limit
-        if found.steps > 0 and (best.steps == 0 or off < misfit or (attempt == 1 and fits)):
-            best, misfit = found, off
-        if fits and not _jumps(start, found.location, m.chains.length):
-            break
+    limit, found = m.law.misfit_limit, closed(m, start, failed, target)
+    misfit = largest_misfit(m, found.location.values, failed, target)
+    if found.steps == 0 or misfit > limit or _jumps(start, found.location, m.chains.length):
         home = np.eye(4)
         for i in range(3):
             home[i, 3] = m.chains.origin[i]
-        nearest = located(m, home, np.zeros(m.chains.actuator.shape))
-    if misfit > m.law.misfit_limit and _jumps(start, best.location, m.chains.length):
-        return Closing(start, structure_of(start.struts, failed), 0.0, 0.0, best.steps)
-    return best
+        place = located(m, home, np.zeros(m.chains.actuator.shape))
+        other = closed(m, place, failed, target)
+        off = largest_misfit(m, other.location.values, failed, target)
+        if other.steps > 0 and (found.steps == 0 or off < misfit or off <= limit):
+            found, misfit = other, off
+    lost = misfit > limit and _jumps(start, found.location, m.chains.length)
+    if found.steps == 0 or lost:
+        return Closing(start, structure_of(start.struts, failed), 0.0, 0.0, found.steps)
+    return found
 
 
 def _jumps(one: Location, other: Location, length: float) -> bool:

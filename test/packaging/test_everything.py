@@ -40,7 +40,7 @@ def run_everything(tmp_path):
 
     def run(*arguments, table='', **sources):
         for name, source in {'ros': TIMED + PASSES, 'core': PASSES, 'system': PASSES,
-                             **sources}.items():
+                             'packaging': PASSES, **sources}.items():
             (tests / name).mkdir(parents=True, exist_ok=True)
             (tests / name / f'test_of_{name}.py').write_text(source)
         (tmp_path / 'docs').mkdir()
@@ -69,9 +69,9 @@ def test_every_test_runs_once_checked_or_timed_and_politely_without_nodes(run_ev
     result = run_everything(core=GIVES_WAY, ros=CHECKED, new=PASSES,
                             system=HAS_ITS_WAY + PASSES, table=table)
     assert result.returncode == 0, result.stdout + result.stderr
-    assert ' 6 passed in ' in last_line(result)
+    assert ' 7 passed in ' in last_line(result)
     assert result.stdout.count('test/ros/test_of_ros.py .') == 2
-    for name in ('core', 'system', 'new'):
+    for name in ('core', 'system', 'packaging', 'new'):
         assert result.stdout.count(f'test/{name}/test_of_{name}.py .') == 1
 
 
@@ -79,7 +79,7 @@ def test_a_failure_of_any_part_counts_and_so_does_what_the_table_names(run_every
     table = '`core/test_of_core.py::test_that_fails` `core/test_of_core.py::test_that_passes`'
     result = run_everything(ros=TIMED + FAILS, core=PASSES + FAILS, table=table)
     assert result.returncode == 1, result.stdout
-    assert ' 2 failed, 3 passed, 1 error in ' in last_line(result)
+    assert ' 2 failed, 4 passed, 1 error in ' in last_line(result)
     assert 'assert 1 == 2' in result.stdout
     assert 'not passed: core/test_of_core.py::test_that_fails\n' in result.stdout
     assert 'not passed: core/test_of_core.py::test_that_passes' not in result.stdout
@@ -89,10 +89,11 @@ def test_a_failure_of_any_part_counts_and_so_does_what_the_table_names(run_every
 def test_a_part_that_runs_nothing_fails(run_everything, turn):
     sources = ['', ENDS, SKIPS]
     result = run_everything(**{
-        name: sources[(turn + place) % 3] for place, name in enumerate(('ros', 'core', 'system'))
+        name: sources[(turn + place) % 3]
+        for place, name in enumerate(('ros', 'core', 'system', 'packaging'))
     })
     assert result.returncode == 1, result.stdout
-    for name in ('nodes', 'others', 'core', 'timed'):
+    for name in ('packaging', 'nodes', 'others', 'core', 'timed'):
         assert f'\n{name}: ended without a result, or nothing has run\n' in result.stdout
     assert 'passed' not in last_line(result)
 
@@ -109,7 +110,7 @@ def test_fixtures_of_a_folder_end_where_the_next_module_is_taken_by_another(run_
         (folder / f'test_{number}.py').write_text(source)
     result = run_everything()
     assert result.returncode == 0, result.stdout
-    assert f' {12 * 3 + 4} passed in ' in last_line(result)
+    assert f' {12 * 3 + 5} passed in ' in last_line(result)
 
 
 def test_arguments_are_passed_on(run_everything):
@@ -117,7 +118,7 @@ def test_arguments_are_passed_on(run_everything):
     table = '`core/test_of_core.py::test_that_fails`'
     result = run_everything('-k', 'passes', core=PASSES + FAILS, table=table)
     assert result.returncode == 0, result.stdout
-    assert ' 3 passed in ' in last_line(result)
+    assert ' 4 passed in ' in last_line(result)
 
 
 def test_every_module_belongs_to_one_group():
@@ -125,6 +126,6 @@ def test_every_module_belongs_to_one_group():
     modules = [name for group in side_by_side for name in group.modules]
     assert sorted(modules) == sorted(
         str(path.relative_to(TEST_FOLDER.parent)) for path in TEST_FOLDER.rglob('test_*.py'))
-    assert {group.name for group in side_by_side} == {'nodes', 'others', 'core'}
+    assert {group.name for group in side_by_side} == {'packaging', 'nodes', 'others', 'core'}
     assert set(alone.modules) < set(modules)
     assert {f'test/{name}' for name in LONGEST} <= set(modules)
