@@ -17,7 +17,7 @@ from fault_tolerance.mechanism.catalogue import mechanism_path
 def machine(start, probe, tmp_path):
     """Start all nodes; return what injects faults, and the errors of pointing heard."""
     file = tmp_path / 'braked.yaml'
-    text = mechanism_path('mirror_3_strut').read_text()
+    text = mechanism_path('mirror_3_strut').read_text() + 'groups: {amplifier: [theta_1]}\n'
     file.write_text(text.replace('actuated: true,', 'actuated: true, brake: true,'))
 
     def started(**simulator):
@@ -57,6 +57,8 @@ def test_it_is_braked_and_goes_on(machine, probe):
     probe.metrics.clear()
     probe.wait(lambda: probe.metrics, 'metrics')
     assert probe.mechanism['failures'] == 'position:theta_2'
+    # Both measures are 0: the first one counts as the worse.
+    assert probe.mechanism['groups'] == 'amplifier next: stopped'
     # Repaired and cleared: the brake lets go.
     faults.publish(String(data='ok all'))
     probe.wait(lambda: probe.clear() is None or probe.state == 'nominal', 'a repair')
