@@ -153,6 +153,7 @@ def _figures(records: Sequence[TrialRecord]) -> dict[str, Any]:
     return {
         'tolerable': len(tolerable),
         'intolerable': len(records) - len(tolerable),
+        'converted': sum(record.with_conversion == 'degraded' for record in records),
         'mistakes': sum(bool(record.mistakes) for record in records),
         'healthy_error_rms': records[0].healthy_error_rms,
         'largest_error_ratio': worst.error_ratio if worst else None,
