@@ -14,6 +14,7 @@ from fault_tolerance.control.parking import DELAY, NEAR, SPEED
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.mechanism.catalogue import mechanism_path
 from fault_tolerance.mechanism.files import mechanism_from_text
@@ -229,6 +230,20 @@ def test_a_conversion_comes_first():
         machine.run(PERIOD)
         machine.supervisor.converter.consider(machine.supervisor.output, machine.now)
         assert bool(machine.run(DELAY + 0.2).any()) is (convert == 'advise')
+
+
+def test_a_failure_that_nobody_reports_ends_it_where_detection_acts():
+    settings = LoopSettings(period=0.01, monitor=MonitorSettings('act'))
+    loop = ClosedLoop(parkable('{vz: 0.0003}'), Circle(1e-3, 1.0), settings)
+    loop.run(1.0)
+    for words in STUCK:
+        loop.inject(words)
+    loop.run(DELAY + 0.05)
+    assert loop.supervisor.output.parking == 'parking'
+    loop.inject('silent stuck theta_3')
+    loop.run(0.5)
+    assert loop.supervisor.output.parking == 'park move broken off'
+    assert loop.supervisor.failures.stuck == ('theta_1', 'theta_2', 'theta_3')
 
 
 @pytest.mark.parametrize('engine', ENGINES)
