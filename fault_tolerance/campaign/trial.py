@@ -111,7 +111,8 @@ class Bench:
         ``control`` are settings of the controller that are changed.
         """
         loop = self._loop.forked(seed)
-        loop.supervisor.go_on_with(replace(loop.supervisor.settings, **control))
+        if control:
+            loop.supervisor.go_on_with(replace(loop.supervisor.settings, **control))
         loop.run(float(np.random.default_rng(seed).uniform(0.0, self.settings.latest)))
         for failure in failures.failures:
             loop.inject(f'{failure.mode.value} {failure.name}')
