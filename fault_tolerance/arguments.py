@@ -95,6 +95,9 @@ def add_trials(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--singles', action='store_true', help='no pairs of failures')
     parser.add_argument(
+        '--groups', action='store_true', help='every group of parts with a common cause, too'
+    )
+    parser.add_argument(
         '--jobs', type=positive, metavar='N', help='trials at a time (default: all cores)'
     )
     parser.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')

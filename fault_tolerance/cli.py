@@ -249,7 +249,7 @@ def _campaign(chosen: argparse.Namespace) -> int:
     )
     return run_campaign(
         Path(chosen.output), chosen.mechanisms or MECHANISMS,
-        doubles=not chosen.singles, jobs=chosen.jobs, settings=settings,
+        doubles=not chosen.singles, groups=chosen.groups, jobs=chosen.jobs, settings=settings,
     )
 
 

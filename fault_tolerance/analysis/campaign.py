@@ -21,7 +21,7 @@ LARGEST_RATIO = 1.2
 
 COLUMNS = (
     'mechanism', 'failures', 'tolerable', 'final_state', 'error_rms', 'healthy_error_rms',
-    'peak_force', 'recovery_time_us', 'seed',
+    'peak_force', 'recovery_time_us', 'seed', 'group', 'with_conversion',
 )
 
 
@@ -35,6 +35,11 @@ class TrialRecord:
     ``peak_force`` is the largest effort of an actuator since the failure beyond its mean before,
     newtons (moments divided by the characteristic length). ``recovery_time_us`` is the computing
     time from the report to the end of the step that followed it, microseconds.
+
+    ``group`` is the group of the mechanism file that has failed; empty if it is none.
+    ``with_conversion`` is the final state where brakes and releases are commanded, and
+    ``converted_error_rms`` the error then; empty, and 0, where nothing can be converted.
+    ``convertible`` is whether, by theory, something tolerable can be made of the failures.
     """
 
     mechanism: str
@@ -48,6 +53,10 @@ class TrialRecord:
     peak_force: float
     recovery_time_us: float
     seed: int
+    group: str = ''
+    with_conversion: str = ''
+    converted_error_rms: float = 0.0
+    convertible: bool = False
 
     @property
     def error_ratio(self) -> float:
@@ -68,6 +77,12 @@ class TrialRecord:
         if self.tolerable and not self.error_ratio <= LARGEST_RATIO:
             healthy = f'{1e6 * self.healthy_error_rms:.2f} microradians'
             found.append(f'error {self.error_ratio:.3g} times the healthy {healthy}')
+        converted = 'degraded' if self.convertible else 'stopped'
+        if self.with_conversion not in ('', converted):
+            found.append(f'with conversion {self.with_conversion} and not {converted}')
+        ratio = self.converted_error_rms / self.healthy_error_rms
+        if self.with_conversion and self.convertible and not ratio <= LARGEST_RATIO:
+            found.append(f'with conversion error {ratio:.3g} times the healthy one')
         return tuple(found)
 
     @property
@@ -138,6 +153,7 @@ def _figures(records: Sequence[TrialRecord]) -> dict[str, Any]:
     return {
         'tolerable': len(tolerable),
         'intolerable': len(records) - len(tolerable),
+        'converted': sum(record.with_conversion == 'degraded' for record in records),
         'mistakes': sum(bool(record.mistakes) for record in records),
         'healthy_error_rms': records[0].healthy_error_rms,
         'largest_error_ratio': worst.error_ratio if worst else None,

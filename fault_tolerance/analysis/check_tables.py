@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from fault_tolerance.analysis.tables import headline, task_in_words, worst_in_words
+from fault_tolerance.analysis.tables import group_table, headline, task_in_words, worst_in_words
 from fault_tolerance.analysis.terminal import plain_table
 
 _ORDINARY = 'neither under- nor over-constrained nor kinematically redundant'
@@ -25,6 +25,8 @@ def check_table(report: Mapping[str, Any]) -> RenderableType:
     if report['struts']:
         parts += [Text(), _struts(report)]
     parts += [Text(), _budget(report)]
+    if report['groups']:
+        parts += [Text(), group_table(report)]
     if report['conversions']:
         parts += [Text(), _conversions(report)]
     return Group(*parts)

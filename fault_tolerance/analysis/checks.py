@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from fault_tolerance.analysis.hints import hints
-from fault_tolerance.analysis.reports import failure_entries, worst_next
+from fault_tolerance.analysis.reports import failure_entries, group_entries, worst_next
 from fault_tolerance.analysis.scene import joint_groups, joint_letter
 from fault_tolerance.errors import FailureError
 from fault_tolerance.kinematics.classification import classification, redundancy
+from fault_tolerance.kinematics.common_causes import group_outlooks
 from fault_tolerance.kinematics.conversion import Conversion, best_conversion
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failure_budget import failure_budget, hard_torque_equivalence
 from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
-from fault_tolerance.kinematics.measures import next_failure
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.kinematics.subspaces import rank_of, singular_values
@@ -40,7 +40,7 @@ def check_report(configuration: Configuration, post: PostFailure) -> dict[str, A
 
     Plain data for JSON, with the keys of docs/command_line.md.
     """
-    mechanism, verdict = configuration.mechanism, post.verdict
+    mechanism, verdict, groups = configuration.mechanism, post.verdict, group_outlooks(post)
     at_home = differential_kinematics(home_rows(mechanism))
     values = configuration.actuator_values.tolist()
     count = max(len(mechanism.actuators), _ORDINARY_COUNT)
@@ -77,7 +77,8 @@ def check_report(configuration: Configuration, post: PostFailure) -> dict[str, A
             mode.value: asdict(failure_budget(post, mode, _MOST_SETS * _ORDINARY_COUNT // count))
             for mode in _BREAKDOWNS
         },
-        'worst_next': worst_next(next_failure(post)),
+        'groups': group_entries(groups),
+        'worst_next': worst_next(post, groups),
         'conversions': _conversions(post),
         'hints': hints(mechanism),
     }

@@ -30,6 +30,10 @@ PHASES = (
     Phase('theta_2 free', (('torque', 'theta_2'),)),
     Phase('strut_3 lost', (('hard', 'strut_3'),)),
     Phase('theta_1 stuck, theta_3 free', (('position', 'theta_1'), ('torque', 'theta_3'))),
+    Phase(
+        'two free drives and a brake', (('torque', 'theta_1'), ('torque', 'theta_3')),
+        converts=True,
+    ),
     Phase('theta_1, theta_2 stuck', (('position', 'theta_1'), ('position', 'theta_2'))),
 )
 """The phases; between two of them everything is mended and cleared."""
@@ -38,7 +42,8 @@ PHASES = (
 def summary(run: Run) -> dict[str, Any]:
     """Return what ``run`` showed, as plain data for JSON: the content of summary.json.
 
-    ``tolerable`` is what the theory says, and null for a mechanism that is not known here.
+    ``tolerable`` is what the theory says, after brakes and releases where it ``converts``, and
+    null for a mechanism that is not known here.
     """
     phases = []
     for records in zip(*run.passes.values(), strict=True):
@@ -49,6 +54,7 @@ def summary(run: Run) -> dict[str, Any]:
                 'name': first.phase.name,
                 'failures': [{'name': name, 'mode': mode} for mode, name in first.phase.failures],
                 'state': first.state,
+                'converts': first.phase.converts,
                 'tolerable': run.is_tolerable(first.phase),
                 'error_rms_urad': {
                     name: _plain(1e6 * one.error_rms(run.period)) for name, one in by_pass.items()

@@ -31,9 +31,9 @@ from fault_tolerance.mechanism.arrays import FloatArray
 
 # A logarithmic axis has no place for zero: what is less than this is on its lower edge.
 _LEAST = {'error': 1e-2, 'force': 1e-4}
-_MOST_PATHS = 7
+_MOST_PATHS = 8
 
-_WIDTH, _LEFT, _RIGHT = 13.0, 0.95, 1.9  # inches, as all that follows
+_WIDTH, _LEFT, _RIGHT = 14.5, 0.95, 1.9  # inches, as all that follows
 _TITLE, _HEADS, _PANEL, _GAP, _BOTTOM = 0.62, 0.5, 1.75, 0.16, 0.55
 
 

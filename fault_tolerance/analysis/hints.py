@@ -14,7 +14,9 @@ import numpy as np
 import yaml
 
 from fault_tolerance.analysis.scene import joint_groups, joint_letter
+from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.configuration import posed_configuration
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.parts import Strut
 
@@ -32,7 +34,8 @@ _SIXTIES = re.compile(r'[-+]?[1-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?')
 def hints(mechanism: Mechanism) -> list[str]:
     """Return what looks like a mistake in ``mechanism``, a line each."""
     return [
-        *_sizes(mechanism), *_same_places(mechanism), *_sliders(mechanism), *_strokes(mechanism)
+        *_sizes(mechanism), *_same_places(mechanism), *_sliders(mechanism), *_strokes(mechanism),
+        *_park(mechanism),
     ]
 
 
@@ -74,6 +77,20 @@ def _sizes(mechanism: Mechanism) -> Iterator[str]:
             )
         if actuator.kind == 'revolute' and isfinite(stroke) and stroke > 8.0 * np.pi:
             yield f'{actuator.name} turns by {stroke:.3g} rad: degrees?'
+
+
+def _park(mechanism: Mechanism) -> Iterator[str]:
+    """Tell why the whole mechanism could not be parked."""
+    try:
+        values = posed_configuration(mechanism, mechanism.park).actuator_values
+    except FaultToleranceError as error:
+        yield f'park: {error}'
+        return
+    low, high = mechanism.position_limits.T
+    beyond = np.flatnonzero((values < low) | (values > high))
+    if beyond.size:
+        names = ', '.join(mechanism.actuator_names[place] for place in beyond)
+        yield f'park is beyond the stroke of {names}'
 
 
 def _size(strut: Strut, origin: FloatArray) -> float:

@@ -246,7 +246,7 @@ def _worst(snapshot: Snapshot) -> Text:
     measure = snapshot.worst_measure
     text = Text('worst next failure: ')
     text.append(f'{name} {WORDS.get(mode, mode)}', style='bold')
-    text.append(f', {LETTERS.get(mode, "measure")} = {measure:.3f}: ')
+    text.append(f', {LETTERS[mode]} = {measure:.3f}: ' if mode in LETTERS else ': ')
     if measure < NOT_TOLERATED:
         text.append('would stop it', style='bold red')
     else:

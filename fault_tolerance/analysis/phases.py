@@ -17,6 +17,7 @@ from fault_tolerance.analysis.recorded_data import Found, Recording
 from fault_tolerance.analysis.recorded_verdicts import Health
 from fault_tolerance.analysis.series import Series
 from fault_tolerance.analysis.snapshot import WORDS
+from fault_tolerance.kinematics.conversion import best_conversion
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
@@ -40,12 +41,14 @@ MEASURES = (*TOLERANCES, 'retained_manipulability')
 class Phase:
     """A set of ``failures`` (mode, name) present for some time; its ``name`` is for the table.
 
-    Of ``silent`` ones the drives report nothing.
+    Of ``silent`` ones the drives report nothing. Where it ``converts``, brakes and releases make
+    the best of them (the second pass of a demonstration, without recovery, has none).
     """
 
     name: str
     failures: tuple[tuple[str, str], ...] = ()
     silent: bool = False
+    converts: bool = False
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -60,8 +63,10 @@ class Phase:
 
     def is_tolerable(self, mechanism: Mechanism) -> bool:
         """Return what the theory says of ``mechanism``, at home."""
-        failures = failure_set(mechanism, self.failures)
-        return reconfigured(home_rows(mechanism), failures).verdict.tolerable
+        failures, rows = failure_set(mechanism, self.failures), home_rows(mechanism)
+        if self.converts:
+            return best_conversion(rows, failures).best.verdict.tolerable
+        return reconfigured(rows, failures).verdict.tolerable
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +164,8 @@ def note_from_text(text: str) -> Note | None:
     try:
         content = json.loads(text)
         failures = tuple((str(mode), str(name)) for mode, name in content['failures'])
-        phase = Phase(str(content['name']), failures, bool(content.get('silent')))
+        how = (bool(content.get(key)) for key in ('silent', 'converts'))
+        phase = Phase(str(content['name']), failures, *how)
         stamp = int(content.get('stamp', 0))
         return Note(phase, float(content['settled']), float(content['period']), stamp)
     except (ValueError, KeyError, TypeError):

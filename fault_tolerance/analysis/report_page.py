@@ -158,6 +158,7 @@ def _explanations(result: Mapping[str, Any]) -> str:
         ('noticed after', 'From the failure until the controller named it, without a report.'),
         ('largest force', 'Of all actuators, beyond the mean just before the phase.'),
         ('degraded', 'Goes on with kinematics derived anew without what has failed.'),
+        ('brake', 'Of two limp drives one is held by its brake: stuck is borne, limp is not.'),
         ('stopped', 'What is left cannot do the task: all rates are zero.'),
     )
     items = ''.join(f'<dt>{word}</dt><dd>{escape(text)}</dd>' for word, text in entries)

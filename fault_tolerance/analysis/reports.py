@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from fault_tolerance.kinematics.common_causes import GroupOutlook, group_outlooks, worst_group
 from fault_tolerance.kinematics.failure_budget import hard_torque_equivalence
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.kinematics.measures import NextFailure
 from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.mechanism.arrays import FloatArray
 
@@ -24,7 +25,7 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
     """
     mechanism, present, verdict = state.mechanism, state.present, state.verdict
     actuators, struts = mechanism.actuator_names, mechanism.strut_names
-    so_far, ahead = state.measures, state.next_failure
+    so_far, ahead, groups = state.measures, state.next_failure, group_outlooks(state)
     report: dict[str, Any] = {
         'mechanism': mechanism.name,
         'actuators': list(actuators),
@@ -50,7 +51,8 @@ def measures_report(state: PostFailure, *, pairs: bool = False) -> dict[str, Any
         'position': _by_name(actuators, ahead.position),
         'torque': _by_name(actuators, ahead.torque),
         'hard': _by_name(struts, ahead.hard),
-        'worst_next': worst_next(ahead),
+        'groups': group_entries(groups),
+        'worst_next': worst_next(state, groups),
         'hard_torque_equivalence': {
             entry.strut: entry.equivalent
             for entry in hard_torque_equivalence(state.rows, state.failures)
@@ -71,12 +73,32 @@ def failure_entries(failures: FailureSet) -> list[dict[str, str]]:
     return [{'name': failure.name, 'mode': failure.mode.value} for failure in failures.failures]
 
 
-def worst_next(ahead: NextFailure) -> dict[str, Any] | None:
-    """Return mode, name and measure of the worst failure ``ahead``; None if nothing is left."""
-    if ahead.worst is None:
+def group_entries(groups: Iterable[GroupOutlook]) -> dict[str, dict[str, Any] | None]:
+    """Return what each of the ``groups`` would leave if it failed next, by name; None: it has."""
+    return {
+        one.name: None if one.verdict is None else {
+            'failures': failure_entries(one.failures),
+            'tolerable': one.verdict.tolerable,
+            'reason': one.verdict.reason,
+        }
+        for one in groups
+    }
+
+
+def worst_next(state: PostFailure, groups: Iterable[GroupOutlook]) -> dict[str, Any] | None:
+    """Return mode, name and measure of the worst failure after ``state``; None: nothing is left.
+
+    If every single one is tolerable, one of the ``groups`` may be the worst: with mode ``group``.
+    """
+    ahead = state.next_failure
+    worst, measure = ahead.worst, ahead.worst_measure
+    intolerable = [one.name for one in groups if one.verdict and not one.verdict.tolerable]
+    group = worst_group(intolerable, measure if worst else None)
+    if group:
+        return {'mode': 'group', 'name': group, 'measure': 0.0}
+    if worst is None:
         return None
-    worst = ahead.worst
-    return {'mode': worst.mode.value, 'name': worst.name, 'measure': ahead.worst_measure}
+    return {'mode': worst.mode.value, 'name': worst.name, 'measure': measure}
 
 
 def _by_name(names: tuple[str, ...], values: FloatArray) -> dict[str, float | None]:

@@ -70,12 +70,13 @@ class Snapshot:
     """Everything the live view shows.
 
     ``state`` is empty before the controller has been heard. ``failures`` are as
-    ``position:theta_4``, and so is ``worst_next``, the next failure that hurts most; it is empty
-    if none is left. ``values`` are further numbers by the words for them. ``errors`` are the last
-    pointing errors, radians, oldest first. ``fastest`` is the largest rate of late: full scale of
-    the bars. ``suspects`` are what detection suspects now; each of ``alike`` is a group of
-    failures it could not tell apart, with ``healthy`` in it if it would not notice them. ``age``
-    is in seconds since the controller was last heard.
+    ``position:theta_4``, and so is ``worst_next``, the next failure that hurts most, or
+    ``group:amplifier_1``; it is empty if none is left. ``values`` are further numbers by the
+    words for them. ``errors`` are the last pointing errors, radians, oldest first. ``fastest``
+    is the largest rate of late: full scale of the bars. ``suspects`` are what detection
+    suspects now; each of ``alike`` is a group of failures it could not tell apart, with
+    ``healthy`` in it if it would not notice them. ``age`` is in seconds since the controller
+    was last heard.
     """
 
     title: str

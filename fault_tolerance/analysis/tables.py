@@ -33,7 +33,10 @@ def measures_table(report: Mapping[str, Any]) -> RenderableType:
         measures = ', '.join(f'{LETTERS[mode]} {present[mode]:.4f}' for mode in _MODES)
         kept = f'manipulability retained {present["retained_manipulability"]:.4f}'
         parts.append(Text(f'so far: {measures}; {kept}'))
-    parts += [_next_failures(report), *_remarks(report)]
+    parts.append(_next_failures(report))
+    if report['groups']:
+        parts.append(group_table(report))
+    parts += _remarks(report)
     for mode in ('position', 'torque'):
         if f'{mode}_pairs' in report:
             table = plain_table('pair', numbers=[f'{LETTERS[mode]} of both'])
@@ -61,6 +64,8 @@ def worst_in_words(worst: Mapping[str, Any] | None) -> str:
     if worst is None:
         return 'nothing is left to fail'
     mode, name, measure = worst['mode'], worst['name'], worst['measure']
+    if mode == 'group':
+        return f'worst next failure: {name}, not tolerable'
     return f'worst next failure: {name} {WORDS[mode]}, {LETTERS[mode]} = {measure:.4f}'
 
 
@@ -83,6 +88,19 @@ def _next_failures(report: Mapping[str, Any]) -> Table:
         table.add_row(name, *cells, '')
     for name in report['struts']:
         table.add_row(name, '', '', _number(report['hard'][name]))
+    return table
+
+
+def group_table(report: Mapping[str, Any]) -> Table:
+    """Return what the groups of a ``report`` (of measures, or a check) would leave."""
+    table = plain_table('group', 'would be', 'then', title='if this group failed next')
+    for name, entry in report['groups'].items():
+        if entry is None:
+            table.add_row(name, 'failed', '')
+            continue
+        words = (f'{one["name"]} {WORDS[one["mode"]]}' for one in entry['failures'])
+        verdict = 'tolerable' if entry['tolerable'] else 'NOT tolerable'
+        table.add_row(name, '\n'.join(words), verdict)
     return table
 
 

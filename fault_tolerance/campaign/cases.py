@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
+from fault_tolerance.kinematics.conversion import best_conversion
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
@@ -43,3 +44,8 @@ def is_tolerable(mechanism: Mechanism, failures: FailureSet) -> bool:
     Rank and stability: docs/theory.md, section 4.
     """
     return reconfigured(home_rows(mechanism), failures).verdict.tolerable
+
+
+def is_convertible(mechanism: Mechanism, failures: FailureSet) -> bool:
+    """Return whether brakes and releases of ``mechanism`` make ``failures`` tolerable, at home."""
+    return best_conversion(home_rows(mechanism), failures).best.verdict.tolerable

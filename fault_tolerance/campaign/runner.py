@@ -30,6 +30,7 @@ from fault_tolerance.campaign.cases import MECHANISMS, double_failures, single_f
 from fault_tolerance.campaign.trial import Bench, TrialSettings
 from fault_tolerance.closed_loop import ClosedLoop
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.kinematics.common_causes import group_failures
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
@@ -44,16 +45,19 @@ class Task:
     failures: FailureSet
     settings: TrialSettings
     seed: int
+    group: str = ''
 
 
 def tasks(
-    mechanisms: Sequence[str], settings: TrialSettings, *, doubles: bool = True
+    mechanisms: Sequence[str], settings: TrialSettings, *, doubles: bool = True,
+    groups: bool = False,
 ) -> list[Task]:
     """Return the trials of a campaign, mechanism by mechanism.
 
     ``mechanisms`` are shipped names or files. The seed of a trial is that of ``settings`` plus its
-    number among those of its mechanism. ``doubles`` adds pairs after the single failures.
-    FaultToleranceError if a mechanism cannot be used, or cannot point.
+    number among those of its mechanism. ``doubles`` adds pairs after the single failures, and
+    ``groups`` the groups of the mechanism files. FaultToleranceError if a mechanism cannot be
+    used, or cannot point, and if none has groups that are asked for.
     """
     found = []
     for name in mechanisms:
@@ -61,10 +65,14 @@ def tasks(
         ClosedLoop(mechanism)  # complains here, not in another process
         cases = single_failures(mechanism)
         cases += double_failures(mechanism) if doubles else ()
-        seeds = range(settings.seed, settings.seed + len(cases))
+        named = [('', case) for case in cases]
+        named += group_failures(mechanism).items() if groups else ()
         found += [
-            Task(name, case, settings, seed) for case, seed in zip(cases, seeds, strict=True)
+            Task(name, case, settings, seed, group)
+            for seed, (group, case) in enumerate(named, settings.seed)
         ]
+    if groups and not any(task.group for task in found):
+        raise FaultToleranceError(f'no groups in {", ".join(mechanisms)}')
     return found
 
 
@@ -86,18 +94,19 @@ def run_campaign(
     mechanisms: Sequence[str] = MECHANISMS,
     *,
     doubles: bool = True,
+    groups: bool = False,
     jobs: int | None = None,
     settings: TrialSettings | None = None,
 ) -> int:
     """Run a campaign, write its results to ``folder``; return 0 if all is as theory says, else 1.
 
-    ``mechanisms``, ``doubles`` and ``settings`` are those of `tasks`; ``jobs`` trials run at a
-    time, on all cores by default. FaultToleranceError if a mechanism cannot be used, or the
-    results cannot be written.
+    ``mechanisms``, ``doubles``, ``groups`` and ``settings`` are those of `tasks`; ``jobs`` trials
+    run at a time, on all cores by default. FaultToleranceError if a mechanism cannot be used,
+    or the results cannot be written.
     """
     settings = settings or TrialSettings(clock=time.thread_time)
     console = console_for_text(markup=False, emoji=False, highlight=False)
-    todo = tasks(tuple(dict.fromkeys(mechanisms)), settings, doubles=doubles)
+    todo = tasks(tuple(dict.fromkeys(mechanisms)), settings, doubles=doubles, groups=groups)
     columns = (
         progress.TextColumn('{task.description}'), progress.BarColumn(),
         progress.MofNCompleteColumn(), progress.TimeElapsedColumn(),
@@ -126,7 +135,7 @@ def run_campaign(
 
 
 def _record(task: Task) -> TrialRecord:
-    return _bench(task.mechanism, task.settings).trial(task.failures, task.seed)
+    return _bench(task.mechanism, task.settings).trial(task.failures, task.seed, task.group)
 
 
 @cache

@@ -6,12 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fault_tolerance.analysis.campaign import TrialRecord
-from fault_tolerance.campaign.cases import is_tolerable
+from fault_tolerance.campaign.cases import is_convertible, is_tolerable
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings, Trace
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
@@ -66,16 +67,13 @@ class Bench:
         self._loop.run(self.settings.warm_up)
         self._healthy = self._loop.run(self.settings.healthy)
 
-    def trial(self, failures: FailureSet, seed: int) -> TrialRecord:
+    def trial(self, failures: FailureSet, seed: int, group: str = '') -> TrialRecord:
         """Return what comes of ``failures``, all in one period.
 
         ``seed`` decides when in the reference they happen, and on the noise from then on.
+        ``group`` is the group that has failed, if it is one.
         """
-        settings, loop = self.settings, self._loop.forked(seed)
-        loop.run(float(np.random.default_rng(seed).uniform(0.0, settings.latest)))
-        for failure in failures.failures:
-            loop.inject(f'{failure.mode.value} {failure.name}')
-        first = loop.run(loop.settings.period)
+        settings, (loop, first) = self.settings, self._broken(failures, seed)
         tolerable = is_tolerable(self.mechanism, failures)
         if first.states[0] is State.STOPPED:
             after = watched = loop.run(settings.stopped)
@@ -84,6 +82,11 @@ class Bench:
             watched = loop.run(settings.watched)
         states = [*first.states, *after.states, *watched.states]
         moved = max(float(np.abs(one.rates).max()) for one in (first, after, watched))
+        state, error, convertible = '', 0.0, False
+        converter = loop.supervisor.converter
+        if not tolerable and (converter.brakes or converter.releases):
+            state, error = self._converted(failures, seed)
+            convertible = is_convertible(self.mechanism, failures)
         return TrialRecord(
             mechanism=self.mechanism.name,
             failures=';'.join(map(str, failures.failures)),
@@ -96,7 +99,31 @@ class Bench:
             peak_force=max(self._peak_force(one) for one in (first, after, watched)),
             recovery_time_us=1e6 * loop.supervisor.output.reconfiguration_time,
             seed=seed,
+            group=group,
+            with_conversion=state,
+            converted_error_rms=error,
+            convertible=convertible,
         )
+
+    def _broken(self, failures: FailureSet, seed: int, **control: Any) -> tuple[ClosedLoop, Trace]:
+        """Return a copy of the mechanism with ``failures``, and its first period with them.
+
+        ``control`` are settings of the controller that are changed.
+        """
+        loop = self._loop.forked(seed)
+        if control:
+            loop.supervisor.go_on_with(replace(loop.supervisor.settings, **control))
+        loop.run(float(np.random.default_rng(seed).uniform(0.0, self.settings.latest)))
+        for failure in failures.failures:
+            loop.inject(f'{failure.mode.value} {failure.name}')
+        return loop, loop.run(loop.settings.period)
+
+    def _converted(self, failures: FailureSet, seed: int) -> tuple[str, float]:
+        """Return final state and error where brakes and releases are commanded."""
+        loop, _ = self._broken(failures, seed, convert='act')
+        loop.run(self.settings.settling)
+        watched = loop.run(self.settings.watched)
+        return watched.states[-1].value, watched.major_error_rms
 
     def _peak_force(self, trace: Trace) -> float:
         """Return the largest effort beyond the mean healthy one, N; moments are divided by Lc."""

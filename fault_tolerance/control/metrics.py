@@ -10,11 +10,13 @@ from math import isfinite, isnan
 
 import numpy as np
 
+from fault_tolerance.control.estimate import estimate as estimated
 from fault_tolerance.control.notices import clean
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.watch import Watch
-from fault_tolerance.kinematics.failures import FailureMode
+from fault_tolerance.kinematics.common_causes import worst_group
+from fault_tolerance.kinematics.failures import Failure, FailureMode
 from fault_tolerance.kinematics.measures import measure_bounds, motion_quality, worst_failure
 from fault_tolerance.mechanism.arrays import FloatArray
 
@@ -38,6 +40,17 @@ class StrutMetrics:
     name: str
     failure: str
     hard: float | None
+
+
+@dataclass(frozen=True)
+class GroupMetrics:
+    """One group of parts with a common cause, and what its failure would lead to."""
+
+    name: str
+    failures: tuple[str, ...]
+    """What would fail, as ``torque:theta_4``."""
+    outlook: str
+    """The state if it failed next: degraded or stopped; failed where it has already."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +104,9 @@ class Metrics:
     tracking_error: float = 0.0
     """The largest difference of rates commanded and measured, m/s."""
     worst_next: str = ''
-    """The next single failure that hurts most, as ``torque:theta_1``; empty if none is left, and
-    while it is stopped."""
+    """The next failure that hurts most: a single one, as ``torque:theta_1``, or, if none of these
+    would stop it, the first group that would, as ``group:amplifier_1`` with measure 0. Empty if
+    none is left, and while it is stopped."""
     worst_next_measure: float = 0.0
     position_tolerance: float = 0.0
     torque_tolerance: float = 0.0
@@ -100,6 +114,8 @@ class Metrics:
     """The worst measure of a next single failure, by mode; 0 if none is left."""
     actuators: tuple[ActuatorMetrics, ...] = ()
     struts: tuple[StrutMetrics, ...] = ()
+    groups: tuple[GroupMetrics, ...] = ()
+    """Empty while it is stopped."""
 
 
 def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
@@ -110,22 +126,22 @@ def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
     """
     state, estimate = output.state.value, output.estimate
     message, level = state, output.level
-    failures = tuple(str(failure) for failure in output.failures.failures)
+    failures = tuple(map(str, output.failures.failures))
     try:
         message = f'{state}: {output.reason}'
         if not estimate.located:
             return Metrics(state, message, level, failures)
         verdict, values = estimate.post.verdict, estimate.measures()
         retained, smallest, condition = motion_quality(estimate.post)
+        groups = _groups(output, watch)
     except Exception as error:  # the state must be told even if the measures fail
         message = f'{message}; no measures: {clean(f"{type(error).__name__}: {error}")}'
         return Metrics(state, message, level, failures)
     mechanism, command = estimate.model.mechanism, output.command
-    count = len(mechanism.actuators)
-    position, torque, hard = np.split(values[3:], [count, 2 * count])
-    worst, worst_measure = worst_failure(mechanism, position, torque, hard)
-    if output.state is State.STOPPED:
-        worst, worst_measure = None, 0.0
+    position, torque, hard = np.split(values[3:], np.arange(1, 3) * len(mechanism.actuators))
+    worst, worst_measure = '', 0.0
+    if output.state is not State.STOPPED:
+        worst, worst_measure = _worst(groups, *worst_failure(mechanism, position, torque, hard))
     return Metrics(
         state=state,
         message=message,
@@ -153,13 +169,14 @@ def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
         time_since_report=since_report if isfinite(since_report) else None,
         internal_force=watch.internal_force if isfinite(watch.internal_force) else None,
         tracking_error=watch.tracking_error,
-        worst_next=str(worst or ''),
+        worst_next=worst,
         worst_next_measure=worst_measure,
         position_tolerance=_least(position),
         torque_tolerance=_least(torque),
         hard_tolerance=_least(hard),
         actuators=_actuators(output, position, torque),
         struts=_struts(output, hard),
+        groups=groups,
     )
 
 
@@ -194,6 +211,30 @@ def _struts(output: Output, hard: FloatArray) -> tuple[StrutMetrics, ...]:
         )
         for name, h in zip(names, hard.tolist(), strict=True)
     )
+
+
+def _groups(output: Output, watch: Watch) -> tuple[GroupMetrics, ...]:
+    """Return what every group would lead to: the verdict of the next step if it failed now."""
+    estimate, present = output.estimate, output.failures
+    if output.state is State.STOPPED:
+        return ()
+    found = []
+    for name, failures in watch.groups.items():
+        further, outlook = present.and_also(estimate.model.mechanism, *failures.failures), 'failed'
+        if further != present:
+            then = estimated(estimate.model, estimate, estimate.readings, further)
+            outlook = (State.DEGRADED if then.tolerated else State.STOPPED).value
+        found.append(GroupMetrics(name, tuple(map(str, failures.failures)), outlook))
+    return tuple(found)
+
+
+def _worst(
+    groups: tuple[GroupMetrics, ...], worst: Failure | None, measure: float
+) -> tuple[str, float]:
+    """Return what hurts most, the ``worst`` single failure or a group, and its measure."""
+    stopping = [one.name for one in groups if one.outlook == State.STOPPED.value]
+    group = worst_group(stopping, measure if worst else None)
+    return (f'group:{group}', 0.0) if group else (str(worst or ''), measure)
 
 
 def _known(value: float) -> float | None:

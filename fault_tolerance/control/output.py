@@ -25,7 +25,7 @@ class Output:
     """The command of one step, and the certificate that goes with it."""
 
     command: RateCommand
-    """Zero unless nominal or degraded."""
+    """Zero unless nominal, degraded or parking."""
     decision: Decision
     failures: FailureSet
     """Latched, whatever the state."""
@@ -44,6 +44,8 @@ class Output:
     """(N,): actuators that have failed, not with their struts, and whose encoders say nothing."""
     warnings: tuple[Notice, ...]
     """What readings contradict, as far as `Supervisor.watch` has found it."""
+    parking: str = ''
+    """What there is to say of a park move; empty if there is none."""
 
     def __repr__(self) -> str:
         """Return state and reason."""
@@ -84,7 +86,7 @@ class Output:
     @property
     def reason(self) -> str:
         """Why it is in this state, and what else there is to know: a sentence."""
-        parts = [str(self.decision.reason)]
+        parts = list(filter(None, (str(self.decision.reason), self.parking)))
         # No task velocity is no fault: it rests in the state it is in.
         if self.state in MOVING and self.idle:
             parts.append(self.idle)

@@ -20,19 +20,19 @@ from fault_tolerance.control.converter import Converter
 from fault_tolerance.control.estimate import Estimate, control_model, estimate
 from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
-from fault_tolerance.control.input_watchdog import InputWatchdog
 from fault_tolerance.control.joint_states import LARGEST_VALUE, unusable
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
+from fault_tolerance.control.parking import Parking
 from fault_tolerance.control.resolved_rate import no_command, rate_command, resting
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.control.state_machine import MOVING, Reason, StateMachine
+from fault_tolerance.control.state_machine import MOVING, Reason, State, StateMachine
+from fault_tolerance.control.task_velocity import TaskVelocity
 from fault_tolerance.control.watch import Watch
-from fault_tolerance.errors import ArrayError
 from fault_tolerance.kernel.compilation import Kernel, announced_kernel
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
+from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
 MOST_ERRORS = 3
@@ -71,7 +71,7 @@ class Supervisor:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
         self._readings = Continuity(mechanism, given.joint_state_timeout)
-        self._velocity = InputWatchdog('task velocity', given.command_timeout)
+        self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
         self._ledger = FailureLedger(
             mechanism,
             auto_clear=self.settings.auto_clear,
@@ -83,9 +83,9 @@ class Supervisor:
         self._estimate = self._base = self._model.unknown
         self._command = no_command(self._model)
         self._watch = Watch(mechanism, self.settings)
+        self._parking = Parking(mechanism)
         self.converter = Converter(mechanism, given.convert == 'act')
         self._shape = (len(mechanism.actuators),)
-        self._still = frozen(np.zeros(len(mechanism.task.coordinates)))
         self._beside: tuple[FloatArray, FailureSet] | None = None
         self._paused = False
         self._outdated = self._unread = False
@@ -131,9 +131,7 @@ class Supervisor:
         only joints that have failed may lack. They were measured at ``stamp`` (``now`` by default,
         seconds). Of rejected ones the last good ones stand until they are stale.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
+        self._pass_time(now)
         taken, notice = np.array(values, dtype=np.float64), None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
             notice = unusable(self.mechanism, taken, self._ledger.failures.parts)
@@ -152,14 +150,7 @@ class Supervisor:
         It was asked for at ``stamp`` (``now`` by default, seconds).
         """
         self._pass_time(now)
-        count = len(self.mechanism.task.coordinates)
-        try:
-            taken = frozen_array(velocity, (count,), 'task velocity', finite=False)
-        except ArrayError as error:
-            return Notice('length', str(error))
-        if not np.isfinite(taken).all():
-            return Notice('not_finite', 'task velocity holds a number that is not finite')
-        return self._velocity.offer(taken, now, stamp)
+        return self._velocity.offer(velocity, now, stamp)
 
     def reports(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
         """Take the failure ``reports`` of one message that came ``now`` (seconds).
@@ -194,6 +185,7 @@ class Supervisor:
         self._readings.have_failed(self._ledger.failures)
         self._readings.forget()
         self._outdated, self._errors = True, 0
+        self._parking.end()
         was_stopped = self._machine.release()
         state = self.step(now).state.value
         return clear_outcome(cleared, was_stopped and not self._machine.stop, state)
@@ -226,18 +218,10 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        if now < self._now:
-            self.forget_times(now)
-        self._now = now
-        ledger, readings, velocity = self._ledger, self._readings, self._velocity
+        self._pass_time(now)
+        ledger, readings, parking = self._ledger, self._readings, self._parking
         failures, before, settings = ledger.failures, self._command, self.settings
-        command, asked, idle = None, self._still, ''
-        if velocity.value is None:
-            idle = 'no task velocity yet'
-        elif now > velocity.deadline:
-            idle = f'no task velocity for {settings.command_timeout:g} s'
-        else:
-            asked = velocity.value
+        command, (asked, idle) = None, self._velocity.asked(now)
         stale = now > readings.deadline
         try:
             found = self._estimate
@@ -261,24 +245,30 @@ class Supervisor:
                 hold = command.obstacle
             waiting = '' if found.located else WAITING
             decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')
+            if decision.state is State.STOPPED:
+                kept = not hold and decision.reason is found and not self.converter.engaged
+                command = parking.command(found if kept else None, before, now)
+            else:
+                parking.reset()
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
             self._errors += 1
             text = clean(f'internal error: {type(error).__name__}: {error}')
             stop = text if self._errors >= MOST_ERRORS else ledger.stop_reason
             decision, command = self._machine.decide(stop, text, '', '', ''), None
-        if command is None or decision.state not in MOVING:
+            parking.end()
+        if command is None or decision.state not in (*MOVING, State.STOPPED):
             command = resting(command or before, failures, now)
         elif self._beside is not None and self._beside[1] is failures:
             command = command.with_rates_beside(self._beside[0])
-        self._command, readings.moving = command, decision.state in MOVING
+        self._command, readings.moving = command, command.moves
         if self._reported_at is not None and settings.clock is not None:
             self._reconfiguration_time = settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, asked, idle,
             stale or readings.value is None, self._reconfiguration_time,
-            readings.sensorless, self._watch.notices,
+            readings.sensorless, self._watch.notices, parking.text,
         )
         return self.output
 

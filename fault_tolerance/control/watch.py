@@ -14,6 +14,7 @@ from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.output import Output
 from fault_tolerance.control.plausibility import Plausibility
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.kinematics.common_causes import group_failures
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
@@ -74,10 +75,13 @@ class Watch:
         m/s and N, as last observed; a force that is not known is NaN.
     notices : tuple of Notice
         What there is to warn of, for as long as it lasts.
+    groups : dict of FailureSet
+        What fails with each group of the mechanism.
     """
 
     def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
         self.settings = settings
+        self.groups = group_failures(mechanism)
         self.internal_force = nan
         self._strokes = Plausibility(mechanism)
         self._tracking = Tracking(mechanism)

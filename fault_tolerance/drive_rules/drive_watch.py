@@ -20,11 +20,9 @@ from fault_tolerance.drive_rules.conditions import Says, shown
 from fault_tolerance.drive_rules.field_paths import DRIVE, FieldError, FieldPath, Value
 from fault_tolerance.drive_rules.rules import DIAGNOSTICS, Rule, RuleSet
 from fault_tolerance.errors import FailureError, MechanismError
-from fault_tolerance.kinematics.actuator_measures import single_measures
-from fault_tolerance.kinematics.failures import FailureMode, actuators_named
-from fault_tolerance.kinematics.reconfiguration import after
+from fault_tolerance.kinematics.common_causes import members, worse_modes
+from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.tolerances import EQUAL_MEASURES
 
 UNIDENTIFIED = 'unidentified'
 """A failure mode that no controller knows: at level ERROR it stops the machine."""
@@ -190,26 +188,6 @@ class DriveWatch:
     def _severity(self, says: Says, actuator: str) -> int:
         mode = self.mode_of(says, actuator)
         return len(FailureMode) if mode == UNIDENTIFIED else FailureMode(mode).severity
-
-
-def worse_modes(mechanism: Mechanism) -> dict[str, FailureMode]:
-    """Return of stuck and free what costs more at home, for every actuator of ``mechanism``."""
-    measures = single_measures(after(mechanism).present)
-    stuck, free = (values.round(EQUAL_MEASURES) for values in measures)
-    return {
-        name: FailureMode.POSITION if stuck[place] <= free[place] else FailureMode.TORQUE
-        for place, name in enumerate(mechanism.actuator_names)
-    }
-
-
-def members(mechanism: Mechanism, part: str) -> tuple[str, ...]:
-    """Return the actuators of ``mechanism`` that ``part``, an actuator, strut or group, means.
-
-    FailureError if there is none.
-    """
-    names = mechanism.groups.get(part, (part,))
-    found = {one for name in names for one in actuators_named(mechanism, name)}
-    return tuple(one for one in mechanism.actuator_names if one in found)
 
 
 def _watched(source: str, rule: Rule, mechanism: Mechanism) -> Iterable[WatchedDrive]:

@@ -21,6 +21,8 @@ _NOTES = {
     'characteristic_length': 'A rotation counts as this many metres a radian.',
     'compliance': 'Constraints weaker than this are absorbed by flexures; 0: rigid.',
     'actuators': 'The order in which rates are commanded.',
+    'groups': 'What fails together.',
+    'park': 'Where it may stand when it cannot go on.',
     'struts': 'Joints from the base to the platform; drives: stroke from home, largest speed.',
 }
 
@@ -54,6 +56,12 @@ def mechanism_text(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     found = tuple(one.name for strut in mechanism.struts for one in strut.actuators)
     if mechanism.actuator_names != found:
         block('actuators', _names(mechanism.actuator_names))
+    if mechanism.groups:
+        groups = (f'{_name(name)}: {_names(parts)}' for name, parts in mechanism.groups.items())
+        block('groups', f'{{{", ".join(groups)}}}')
+    if mechanism.park:
+        park = (f'{name}: {_number(value)}' for name, value in mechanism.park.items())
+        block('park', f'{{{", ".join(park)}}}')
     block('struts', '')
     for strut in mechanism.struts:
         lines += _strut(strut, scale)
@@ -108,8 +116,12 @@ def _drive(joint: Joint, drive: Actuator) -> dict[str, str]:
         entry['joint_state_name'] = _name(drive.joint_state_name)
     if drive.home or drive.sign < 0:
         entry |= {'home': _number(drive.home), 'sign': str(drive.sign)}
+    if isfinite(drive.period):
+        entry['period'] = _number(drive.period)
     if drive.brake:
         entry['brake'] = 'true'
+    if drive.when_off:
+        entry['when_off'] = drive.when_off
     if drive.encoder != 'load':
         entry['encoder'] = drive.encoder
     if not isnan(drive.stiffness):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf, isfinite, isnan, nan
+from math import hypot, inf, isfinite, isnan, nan, pi
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from fault_tolerance.mechanism.failure_modes import MISBEHAVIOURS, mode_words
 from fault_tolerance.mechanism.parts import Actuator, EncoderSide, Joint, Strut
 from fault_tolerance.mechanism.task import Task
 from fault_tolerance.mechanism.working_point import WorkingPoint
+from fault_tolerance.tolerances import FARTHEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,9 @@ class Mechanism:
     groups : mapping of str to tuple of str
         Actuators and struts that fail together by a common cause, an amplifier that carries two of
         them for example, by the name of the group.
+    park : mapping of str to float
+        Task coordinates, rad and m from home, where the platform may stand that cannot do its task
+        any more; empty: where it is.
     """
 
     name: str
@@ -64,6 +68,7 @@ class Mechanism:
     working_point: WorkingPoint | None = None
     stiffness: float = nan
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    park: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         struts, actuators = len(self.struts), len(self.actuators)
@@ -94,6 +99,7 @@ class Mechanism:
         else:
             self._check_working_point(self.working_point)
         self._check_groups()
+        self._check_park()
 
     @cached_property
     def actuator_names(self) -> tuple[str, ...]:
@@ -224,6 +230,22 @@ class Mechanism:
                 if one not in parts:
                     reason = f'{one!r} is not an actuator or a strut'
                     raise MechanismError(self.name, f'groups.{name}', reason)
+
+    def _check_park(self) -> None:
+        if self.park and self.working_point is not None:
+            raise MechanismError(self.name, 'park', 'a mechanism without struts has no pose')
+        for name, value in self.park.items():
+            if name not in self.task.coordinates:
+                valid = ', '.join(self.task.coordinates)
+                reason = f'{name!r} is not a task coordinate; valid: {valid}'
+                raise MechanismError(self.name, 'park', reason)
+            if not abs(value) <= FARTHEST:
+                reason = f'{value} is not within {FARTHEST:g} from home'
+                raise MechanismError(self.name, f'park.{name}', reason)
+        angle = hypot(*(value for name, value in self.park.items() if name.startswith('w')))
+        if angle > pi:
+            reason = f'turns by {angle:.4g} rad, more than half round'
+            raise MechanismError(self.name, 'park', reason)
 
     def _check_working_point(self, point: WorkingPoint) -> None:
         for key, rows, expected, what in (

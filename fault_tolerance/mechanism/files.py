@@ -81,12 +81,12 @@ def _mechanism(top: Section) -> Mechanism:
             raise top.error('struts', 'is empty')
         _check_names(top, struts)
         actuators = _ordered(top, struts)
-    groups = _groups(top)
+    groups, park = _groups(top), _park(top)
     top.close()
     with top.located():
         return Mechanism(
             name, task, struts, actuators, np.array(origin), length, compliance, point, stiffness,
-            groups,
+            groups, park,
         )
 
 
@@ -96,6 +96,14 @@ def _groups(top: Section) -> dict[str, tuple[str, ...]]:
         return {}
     section = top.section('groups')
     return {str(name): section.names(name) for name in section.keys()}
+
+
+def _park(top: Section) -> dict[str, float]:
+    """Return the coordinates of the park pose by name."""
+    if not top.has('park'):
+        return {}
+    section = top.section('park')
+    return {str(name): section.number(name) for name in section.keys()}
 
 
 def _task(top: Section) -> Task:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from time import monotonic
 
 from rclpy.executors import Executor
@@ -44,14 +45,14 @@ class DemoPass:
     """One pass through all phases, with the ``nodes`` running.
 
     ``executor`` spins the ``operator``; ``console`` gets progress and results; the controller
-    ``detects`` what nobody reports, or does not.
+    ``acts`` on what nobody reports, and with brakes, or does not.
     """
 
     def __init__(
         self, mechanism: Mechanism, operator: OperatorClient, executor: Executor,
-        nodes: NodeProcesses, console: Console, *, detects: bool,
+        nodes: NodeProcesses, console: Console, *, acts: bool,
     ) -> None:
-        self._detects = detects
+        self._acts = acts
         self._mechanism = mechanism
         self._operator = operator
         self._executor = executor
@@ -88,8 +89,9 @@ class DemoPass:
         operator.note(note_as_text(Note(phase, SETTLING, PERIOD, stamp)))
         for words in phase.words:
             operator.inject(words)
-        if phase.failures and (self._detects or not phase.silent):
-            tolerable = phase.is_tolerable(self._mechanism)
+        if phase.failures and (self._acts or not phase.silent):
+            wanted = phase if self._acts else replace(phase, converts=False)
+            tolerable = wanted.is_tolerable(self._mechanism)
             self._wait_for_state('degraded' if tolerable else 'stopped')
         self._pass(SETTLING + PERIODS * PERIOD)
         operator.note('')

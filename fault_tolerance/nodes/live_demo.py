@@ -77,7 +77,8 @@ def _one_pass(
     parameters = {
         'fsm_simulator': {'mechanism': MECHANISM, 'engine': engine},
         'controller': {
-            'mechanism': MECHANISM, 'recovery': recovery, 'detect': 'act' if recovery else 'off'
+            'mechanism': MECHANISM, 'recovery': recovery, 'detect': 'act' if recovery else 'off',
+            'convert': 'act' if recovery else 'advise',
         },
         'pointing_reference': {'mechanism': MECHANISM},
     }
@@ -85,6 +86,6 @@ def _one_pass(
         recorder = Recorder(operator)
         with NodeProcesses(parameters, namespace) as nodes:
             mechanism = mechanism_named(MECHANISM)
-            one = DemoPass(mechanism, operator, executor, nodes, console, detects=recovery)
+            one = DemoPass(mechanism, operator, executor, nodes, console, acts=recovery)
             one.go_through(phases)
             return recorder.samples

@@ -79,10 +79,10 @@ class StatusPublisher:
     def update(self, output: Output, now: float) -> None:
         """Defer what the ``output`` of a cycle ``now`` (monotonic seconds) has to be followed by.
 
-        That is a change of state or failures, and what is done periodically: right after a
-        command, when most of the period is still ahead.
+        That is a change of state, failures or park move, and what is done periodically: right
+        after a command, when most of the period is still ahead.
         """
-        changed = (output.state, output.failures) != self._published
+        changed = (output.state, output.failures, output.parking) != self._published
         if changed and (output.state is not State.WAITING or monotonic() >= self._discovered):
             self._deferred.add(self._publish_change)
         if now >= self._metrics_due:
@@ -94,11 +94,11 @@ class StatusPublisher:
 
     def _publish_change(self) -> None:
         output = self._supervisor.output
-        if (output.state, output.failures) == self._published:
+        if (output.state, output.failures, output.parking) == self._published:
             return
         if output.state not in self._published:
             self._state.publish(String(data=output.state.value))
-        self._published = (output.state, output.failures)
+        self._published = (output.state, output.failures, output.parking)
         logger, (level, text) = self._node.get_logger(), self._health.present()
         # Each a line of its own: rclpy knows a logging call by its place.
         if level == ERROR:

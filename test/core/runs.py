@@ -17,7 +17,7 @@ from fault_tolerance.analysis.runs import Run, run_of
 from fault_tolerance.analysis.topics import SCALARS
 
 ACTUATORS = ('theta_1', 'theta_2', 'theta_3', 'theta_4')
-STATES = ('nominal', 'degraded', 'degraded', 'degraded', 'degraded', 'degraded', 'stopped')
+STATES = ('nominal', *['degraded'] * 6, 'stopped')
 PRELOAD = np.array([1.0, 2.0, 3.0, 4.0])
 RATE = 50
 BEFORE, LENGTH, AFTER = 1.0, 4.0, 0.5

@@ -423,7 +423,8 @@ CHECK_KEYS = {
     'stable': bool, 'tolerable': bool, 'reason': str, 'classification': list,
     'redundancy': dict,
     'closure': dict, 'singular_values': dict, 'constraints': dict, 'equivalence': dict,
-    'failure_budget': dict, 'worst_next': dict, 'conversions': list, 'hints': list,
+    'failure_budget': dict, 'groups': dict, 'worst_next': dict, 'conversions': list,
+    'hints': list,
 }
 
 

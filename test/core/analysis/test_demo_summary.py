@@ -31,7 +31,10 @@ def run():
 
 
 def test_the_theory_tolerates_all_phases_but_the_last():
-    assert [phase.is_tolerable(MECHANISM) for phase in PHASES] == [True] * 6 + [False]
+    assert [phase.is_tolerable(MECHANISM) for phase in PHASES] == [True] * 7 + [False]
+    free = replace(PHASES[6], converts=False)
+    assert free.words == ('torque theta_1', 'torque theta_3')
+    assert not free.is_tolerable(MECHANISM)
 
 
 def test_error_is_the_median_over_periods_after_settling(run):
@@ -62,6 +65,7 @@ def test_summary_is_plain_json_with_the_agreed_keys(run):
     assert phase['peak_force'] == pytest.approx({'recovered': 0.5, 'unrecovered': 0.5})
     assert phase['measures']['hard_tolerance'] is None
     assert phase['measures']['position_tolerance'] == 0.5
+    assert [one['converts'] for one in result['phases']] == [False] * 6 + [True, False]
 
 
 def test_a_run_as_the_theory_says_has_nothing_wrong(run):
@@ -74,7 +78,8 @@ def test_a_run_as_the_theory_says_has_nothing_wrong(run):
         (1, {'state': 'nominal'},
          'theta_4 stuck, unreported: state nominal, expected degraded'),
         (2, {'state': 'stopped'}, 'theta_4 stuck: state stopped, expected degraded'),
-        (6, {'state': 'degraded'}, 'theta_1, theta_2 stuck: state degraded, expected stopped'),
+        (6, {'state': 'stopped'}, 'two free drives and a brake: state stopped, expected degr'),
+        (7, {'state': 'degraded'}, 'theta_1, theta_2 stuck: state degraded, expected stopped'),
         (3, {'error': 1e-4}, 'theta_2 free: pointing error 141'),
         (4, {'error': np.nan}, 'strut_3 lost: pointing error None'),
         (0, {'found': Found(0.5, 'position', 'theta_1', True, 0.4)},
@@ -95,7 +100,7 @@ def test_what_is_not_as_the_theory_says_is_named(run, index, change, complaint):
 
 def test_what_nobody_reported_is_in_the_summary_with_its_delay(run):
     phases = summary(run)['phases']
-    assert [phase['detected'] for phase in phases if phase['name'] != PHASES[1].name] == [None] * 6
+    assert [phase['detected'] for phase in phases if phase['name'] != PHASES[1].name] == [None] * 7
     found = phases[1]['detected']
     assert (found['name'], found['mode']) == ('theta_4', 'position')
     assert found['delay'] == pytest.approx(NOTICED_AFTER)

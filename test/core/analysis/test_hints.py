@@ -13,7 +13,7 @@ from core.mechanisms import even_mirror, hexapod, made, uneven_mirror
 
 from fault_tolerance.analysis.hints import hints, text_hints
 from fault_tolerance.cli import main
-from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path, shipped_names
 from fault_tolerance.mechanism.files import mechanism_from_text
 
 
@@ -25,6 +25,19 @@ def test_nothing_is_suspected_of_what_is_shipped(name):
 @pytest.mark.parametrize('document', [even_mirror(4), uneven_mirror(), hexapod()])
 def test_nothing_is_suspected_of_sound_files(document):
     assert hints(made(document)) == []
+
+
+@pytest.mark.parametrize(('name', 'park', 'hint'), [
+    ('gough_stewart_6', '{vz: 0.05, wx: 0.1}', None),
+    ('gough_stewart_6', '{vz: 0.15}', 'park is beyond the stroke of leg_1, leg_2, leg_3, leg_4, '
+     'leg_5, leg_6'),
+    ('serial_3r', '{vx: 100}', 'park: the pose is out of reach'),
+])
+def test_a_park_pose_that_cannot_be(name, park, hint):
+    text = mechanism_path(name).read_text()
+    found = hints(mechanism_from_text(f'{text}park: {park}\n'))
+    assert len(found) == (hint is not None)
+    assert not found or found[0].startswith(hint)
 
 
 def drive(document, strut, **keys):

@@ -20,7 +20,7 @@ from fault_tolerance.analysis.report_page import figure_as_svg, report_page, wri
 from fault_tolerance.analysis.runs import run_of
 from fault_tolerance.analysis.series import Series
 
-SIZE = (1950, 2050)
+SIZE = (2175, 2051)
 PANELS = ['pointing error\nµrad', 'largest strut force\nbeyond preload, N',
           'commanded rate\nwith recovery, mm/s', 'measures\n(0: intolerable)']
 
@@ -92,19 +92,20 @@ def test_nothing_written_covers_anything_else(figure):
 
 
 def test_every_phase_is_named_over_its_path(figure):
-    titles = [' '.join(axes.get_title().split()) for axes in figure.axes[:7]]
+    titles = [' '.join(axes.get_title().split()) for axes in figure.axes[:8]]
     assert titles == [
         '1 healthy', '2 theta_4 stuck, unreported', '3 theta_4 stuck', '4 theta_2 free',
-        '5 strut_3 lost', '6 theta_1 stuck, theta_3 free', '7 theta_1, theta_2 stuck: stopped']
+        '5 strut_3 lost', '6 theta_1 stuck, theta_3 free', '7 two free drives and a brake',
+        '8 theta_1, theta_2 stuck: stopped']
 
 
 def test_every_failure_is_shaded_and_numbered(figure):
     assert [axes.get_ylabel() for axes in charts(figure)] == PANELS
     for axes in charts(figure):
         shades = sorted(patch.get_x() for patch in axes.patches)
-        assert shades == pytest.approx([4.0, 8.0, 12.0, 16.0, 20.0, 24.0])
+        assert shades == pytest.approx([4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0])
     numbers = [(text.get_text(), text.xy[0]) for text in charts(figure)[0].texts]
-    assert numbers == [(str(n + 1), pytest.approx(4.0 * n)) for n in range(7)]
+    assert numbers == [(str(n + 1), pytest.approx(4.0 * n)) for n in range(8)]
 
 
 def test_what_is_drawn_is_what_was_recorded(run, figure):
@@ -116,7 +117,7 @@ def test_what_is_drawn_is_what_was_recorded(run, figure):
         assert np.concatenate(lines[STYLES[name]['color']]) == pytest.approx(error)
     forces = [line.get_ydata().max() for line in charts(figure)[1].lines
               if line.get_color() == STYLES['recovered']['color']]
-    assert forces == pytest.approx([0.5] * 7)
+    assert forces == pytest.approx([0.5] * 8)
     path = figure.axes[0].lines[1].get_xydata()
     assert path == pytest.approx(1e3 * run.main[0].path.values[50:])
 
@@ -217,7 +218,7 @@ def test_the_page_has_figure_and_table(folder):
     assert cells[2] == ['2', 'theta_4 stuck, unreported', 'degraded', '20 ms', '0.500', '0.500',
                         '–', '1.0', '300.0', '0.50', '0.50']
     assert cells[3][1:4] == ['theta_4 stuck', 'degraded', '–']
-    assert '6 states of failure: 5 carried on with, 1 stopped. All as the theory says.' in page
+    assert '7 states of failure: 6 carried on with, 1 stopped. All as the theory says.' in page
     assert 'Phase 2: theta_4 was named 20 ms after it failed' in page
 
 

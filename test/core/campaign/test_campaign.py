@@ -22,7 +22,7 @@ from fault_tolerance.campaign.runner import records, run_campaign, tasks
 from fault_tolerance.campaign.trial import Bench, TrialSettings
 from fault_tolerance.cli import main
 from fault_tolerance.kinematics.failures import failure_set
-from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 
 # One line of the raster before the failure, and one after it.
 SHORT = TrialSettings(
@@ -36,6 +36,9 @@ GOOD = TrialRecord(
 STOPPED = replace(
     GOOD, tolerable=False, states=('stopped',), final_state='stopped', largest_rate=0.0,
     error_rms=1.0,
+)
+CONVERTED = replace(
+    STOPPED, with_conversion='degraded', converted_error_rms=1.1e-6, convertible=True,
 )
 
 
@@ -88,6 +91,26 @@ def test_the_same_seed_gives_the_same_trial_and_another_one_another():
     assert bench.trial(stuck, 1).error_rms != bench.trial(stuck, 2).error_rms
 
 
+def test_groups_are_tried_and_brakes_convert_what_they_can(tmp_path, capsys):
+    """Of two pairs of struts on one amplifier each, the first has brakes."""
+    text = mechanism_path('mirror_4_strut').read_text()
+    text += 'groups: {braked: [theta_1, theta_2], others: [theta_3, theta_4]}\n'
+    head, tail = text.split('  - name: strut_3\n')
+    text = f'{head}  - name: strut_3\n{tail.replace("brake: true", "brake: false")}'
+    file = tmp_path / 'braked.yaml'
+    file.write_text(text)
+    settings = replace(SHORT, warm_up=0.5, healthy=0.3, latest=0.01, watched=0.3)
+    todo = [one for one in tasks([str(file)], settings, doubles=False, groups=True) if one.group]
+    assert [one.seed for one in todo] == [13, 14]
+    found = records(todo, 1, lambda: None)
+    assert [(one.group, one.failures) for one in found] == [
+        ('braked', 'torque:theta_1;torque:theta_2'), ('others', 'torque:theta_3;torque:theta_4')]
+    assert [(one.final_state, one.with_conversion) for one in found] == [
+        ('stopped', 'degraded'), ('stopped', 'stopped')]
+    assert [one.mistakes for one in found] == [(), ()]
+    assert found[0].row[-2:] == ('braked', 'degraded')
+
+
 @pytest.mark.parametrize(('record', 'complaint'), [
     (replace(GOOD, error_rms=1.21e-6), 'error 1.21 times the healthy 1.00 microradians'),
     (replace(GOOD, error_rms=float('nan')), 'error nan times'),
@@ -95,6 +118,9 @@ def test_the_same_seed_gives_the_same_trial_and_another_one_another():
     (replace(GOOD, states=('stopped',)), 'tolerable, but stopped and not degraded'),
     (replace(STOPPED, states=('degraded', 'stopped')), 'intolerable, but degraded, then stopped'),
     (replace(STOPPED, largest_rate=1e-9), 'a rate of 1e-09 was commanded'),
+    (replace(CONVERTED, with_conversion='stopped'), 'with conversion stopped and not degraded'),
+    (replace(CONVERTED, convertible=False), 'with conversion degraded and not stopped'),
+    (replace(CONVERTED, converted_error_rms=1.3e-6), 'with conversion error 1.3 times'),
 ])
 def test_what_is_not_as_it_should_be_is_told(record, complaint):
     assert complaint in '; '.join(record.mistakes)
@@ -102,7 +128,7 @@ def test_what_is_not_as_it_should_be_is_told(record, complaint):
 
 
 def test_what_is_as_it_should_be_is_no_mistake():
-    assert GOOD.mistakes == STOPPED.mistakes == ()
+    assert GOOD.mistakes == STOPPED.mistakes == CONVERTED.mistakes == ()
 
 
 def test_the_table_fits_eighty_columns_without_breaking_a_word():
@@ -131,13 +157,15 @@ def test_results_are_written_as_the_contract_says(tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS == (
         'mechanism', 'failures', 'tolerable', 'final_state', 'error_rms', 'healthy_error_rms',
-        'peak_force', 'recovery_time_us', 'seed',
+        'peak_force', 'recovery_time_us', 'seed', 'group', 'with_conversion',
     )
     assert len(rows) == 9
     assert {row['tolerable'] for row in rows} == {'true', 'false'}
     assert [row['failures'] for row in rows if row['tolerable'] == 'true'] == [
         'position:theta_1', 'position:theta_2', 'position:theta_3']
     assert all(float(row['error_rms']) > 0.0 for row in rows)
+    # Nothing can be braked or released there.
+    assert {(row['group'], row['with_conversion']) for row in rows} == {('', '')}
     summary = json.loads((tmp_path / 'summary.json').read_text())
     assert summary['trials'] == 9
     assert summary['mechanisms']['mirror_3_strut']['intolerable'] == 6
@@ -149,6 +177,7 @@ def test_results_are_written_as_the_contract_says(tmp_path, capsys):
     (['--jobs', '0'], "'0' is not a positive whole number"),
     (['--mechanism', 'no_such_mirror'], 'no_such_mirror'),
     (['--mechanism', 'serial_3r'], 'cannot point'),
+    (['--groups', '--mechanism', 'mirror_3_strut'], 'no groups in mirror_3_strut'),
     (['--reference', 'spiral'], 'spiral'),
 ])
 def test_bad_input_is_refused_in_one_line(arguments, complaint, capsys, tmp_path):

@@ -3,6 +3,8 @@
 
 """Whatever comes in, in whatever order and at whatever time: the promises hold in every cycle."""
 
+from dataclasses import replace
+
 import numpy as np
 from core.control.control_cases import report
 from hypothesis import settings
@@ -17,12 +19,20 @@ from hypothesis.stateful import (
 )
 
 from fault_tolerance.control.failure_reports import ERROR, OK, STALE
+from fault_tolerance.control.parking import SPEED
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
-NAMES = ('fsm_4_strut', 'mirror_4_strut', 'mirror_overactuated', 'planar_4rpr', 'serial_3r')
+PARKED = {
+    'mirror_4_strut': {'wx': 0.01, 'vz': -0.0003}, 'mirror_overactuated': {'wy': 0.01},
+    'planar_4rpr': {'wz': 0.2},
+}
+MECHANISMS = {
+    name: replace(mechanism_named(name), park=PARKED.get(name, {}))
+    for name in ('fsm_4_strut', 'serial_3r', *PARKED)
+}
 WORDS = ('stuck', 'free', 'lost', 'none', 'none', 'jammed')
 LEVELS = (OK, ERROR, ERROR, STALE, 200)
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -34,12 +44,12 @@ class Everything(RuleBasedStateMachine):
     """A supervisor, and whatever may happen to it."""
 
     @initialize(
-        name=st.sampled_from(NAMES),
+        name=st.sampled_from(list(MECHANISMS)),
         auto_clear=st.booleans(),
         power=st.sampled_from([-3.0, 1.0, 9.0]),
     )
     def begin(self, name, auto_clear, power):
-        self.mechanism = mechanism_named(name)
+        self.mechanism = MECHANISMS[name]
         options = Settings(auto_clear=auto_clear, max_acceleration=10.0**power)
         self.supervisor = Supervisor(self.mechanism, options)
         self.now = 0.0
@@ -128,6 +138,13 @@ class Everything(RuleBasedStateMachine):
         self.stepped()
         assert self.output.state is State.STOPPED
 
+    @rule(halves=st.integers(1, 6))
+    def it_stands_at_home_for_some_time(self, halves):
+        for _ in range(8 * halves):
+            self.now += 1.0 / 16.0
+            self.readings_of_home_come()
+            self.only_a_nominal_or_degraded_mechanism_moves_or_one_that_is_parked()
+
     @invariant()
     def every_number_is_finite(self):
         output = self.output
@@ -151,8 +168,13 @@ class Everything(RuleBasedStateMachine):
         assert not self.stopped or self.output.state is State.STOPPED
 
     @invariant()
-    def only_a_nominal_or_degraded_mechanism_moves(self):
-        if self.output.state not in MOVING:
+    def only_a_nominal_or_degraded_mechanism_moves_or_one_that_is_parked(self):
+        if self.output.parking == 'parking':
+            assert self.output.state is State.STOPPED
+            assert self.output.post.verdict.stable
+            slow = SPEED * self.mechanism.velocity_limits * (1.0 + 1e-9)
+            assert (np.abs(self.output.rates) <= slow).all()
+        elif self.output.state not in MOVING:
             assert not self.output.rates.any()
             assert not self.output.achieved.any()
         degraded = self.output.state is State.DEGRADED

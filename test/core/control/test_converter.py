@@ -11,13 +11,13 @@ from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.mechanism.catalogue import mechanism_path
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 from fault_tolerance.mechanism.files import mechanism_from_text
 from fault_tolerance.simulation.reference import Circle
 
 
-def braked(name='mirror_3_strut'):
-    text = mechanism_path(name).read_text()
+def braked():
+    text = mechanism_path('mirror_3_strut').read_text()
     return mechanism_from_text(text.replace('actuated: true,', 'actuated: true, brake: true,'))
 
 
@@ -104,7 +104,7 @@ def test_it_is_only_advised_by_default():
 
 
 def test_what_is_tolerated_is_left_as_it_is():
-    supervisor = running(braked('mirror_4_strut'))
+    supervisor = running(mechanism_named('mirror_4_strut'))
     output = report(supervisor, 'torque', 'theta_2', 1.0)
     assert output.state is State.DEGRADED
     assert not supervisor.converter.consider(output, 1.0)

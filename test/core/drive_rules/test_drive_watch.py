@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from fault_tolerance.analysis.reports import measures_report
 from fault_tolerance.drive_rules.conditions import MEANING, SAYS, Case
-from fault_tolerance.drive_rules.drive_watch import MOST_ELEMENTS, members, worse_modes
+from fault_tolerance.drive_rules.drive_watch import MOST_ELEMENTS
 from fault_tolerance.drive_rules.field_paths import FieldError, field_path
+from fault_tolerance.kinematics.common_causes import members, worse_modes
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.mechanism.catalogue import mechanism_named
 

@@ -23,6 +23,8 @@ characteristic_length: 1.0e-5
 compliance: 0.02
 stiffness: 2.0e+5
 actuators: [b, "it's", a-1]
+groups: {amplifier-1: [b, '7'], 'off': [a-1]}
+park: {vz: -2e-7, wx: 0}
 struts:
   - name: '7'
     release: true
@@ -30,7 +32,7 @@ struts:
       - {name: pin, type: revolute, axis: [1, 0, 0], point: [0, 1e-6, 0]}
       - {name: a-1, type: prismatic, axis: [0, 0, 1], actuated: true, position: [-.inf, 1e-7],
          velocity: 1e-5, joint_state_name: 'off', home: -0.5, sign: -1, brake: true,
-         encoder: motor, stiffness: 5}
+         encoder: motor, stiffness: 5, when_off: stuck, period: 6.28}
       - {name: ball, type: spherical, point: [0, 1e-6, 1e-6], actuated: {y: "it's", z: b},
          velocity: {y: 3}}
 """
@@ -39,11 +41,12 @@ struts:
 def same(one, other):
     assert (one.name, one.task, one.compliance) == (other.name, other.task, other.compliance)
     assert one.strut_names == other.strut_names
+    assert (one.groups, one.park) == (other.groups, other.park)
     assert one.characteristic_length == pytest.approx(other.characteristic_length, rel=1e-15)
     assert [strut.release for strut in one.struts] == [strut.release for strut in other.struts]
     for first, second in zip(one.actuators, other.actuators, strict=True):
         for key in ('name', 'strut', 'kind', 'velocity', 'joint_state_name', 'home', 'sign',
-                    'brake', 'encoder', 'position'):
+                    'brake', 'encoder', 'position', 'when_off', 'period'):
             assert getattr(first, key) == getattr(second, key), key
         assert str(first.stiffness) == str(second.stiffness)
 

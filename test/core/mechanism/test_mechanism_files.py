@@ -49,6 +49,7 @@ def test_defaults():
         'slide', 'slide', 'only', 'prismatic')
     assert (drive.joint_state_name, drive.home, drive.sign) == ('slide', 0.0, 1)
     assert not drive.brake and not drive.when_off and not mechanism.groups
+    assert not mechanism.park
     assert drive.position == (-math.inf, math.inf) and drive.velocity == math.inf
     np.testing.assert_array_equal(mechanism.origin, [0, 0, 1])
 
@@ -58,13 +59,14 @@ def test_everything_optional():
          joint_state_name: motor, home: -7, sign: -1, brake: true, when_off: stuck""")
     text = text.replace('- name: only', '- name: only\n    release: true')
     text += 'characteristic_length: 2\ncompliance: 0.5\nactuators: [slide]\n'
-    text += 'groups: {amplifier: [slide, only]}\n'
+    text += 'groups: {amplifier: [slide, only]}\npark: {vx: -0.5}\n'
     mechanism = mechanism_from_text(text)
     drive = mechanism.actuators[0]
     assert (drive.position, drive.velocity, drive.home) == ((-1.0, 2.0), 3.0, -7.0)
     assert (drive.joint_state_name, drive.sign, drive.brake) == ('motor', -1, True)
     assert drive.when_off == 'stuck'
     assert mechanism.groups == {'amplifier': ('slide', 'only')}
+    assert mechanism.park == {'vx': -0.5}
     assert isinstance(drive.sign, int) and isinstance(drive.position[0], float)
     assert mechanism.struts[0].release
     assert (mechanism.characteristic_length, mechanism.compliance) == (2.0, 0.5)
