@@ -45,8 +45,11 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     if chosen['mechanism']:
         given['mechanism'] = chosen['mechanism']
     files = [chosen['params_file']] if chosen['params_file'] else []
+    # Clearing failures resets drives, where the rules say how.
+    resets = [{'reset_service': 'drive_reports/reset'}] if chosen['rules'] else []
     wanted: list[tuple[str, str, list[object]]] = [
-        ('controller', 'fault_tolerance', [str(CONFIG / 'controller.yaml'), *files, given]),
+        ('controller', 'fault_tolerance',
+         [str(CONFIG / 'controller.yaml'), *resets, *files, given]),
     ]
     if chosen['rules']:
         executable = Path(get_package_prefix(PACKAGE), 'lib', PACKAGE, 'drive_reports')

@@ -34,6 +34,9 @@ def rule_table(report: Mapping[str, Any]) -> RenderableType:
         place = f'{rule["field"]} of {rule["topic"]} ({rule["type"]})'
         parts.append(Text(f'\n{rule["name"]}: {place}'))
         parts.append(Text(f'  {_whose(rule)}'))
+        if rule['reset']:
+            reset = rule['reset']
+            parts.append(Text(f'  reset by {reset["service"]} ({reset["type"]})'))
         table = plain_table('if the value', 'says', 'which means')
         # All of an expression, however long.
         table.columns[0].overflow = 'fold'

@@ -116,22 +116,29 @@ class FailureLedger:
     def clear(self, now: float) -> LedgerClear:
         """Release every failure not still reported at ``now`` (s); return which they are."""
         self._cleared_at = now
-        kept = {
-            source: entry
-            for source, entry in self._entries.items()
-            if not entry.healed and now - entry.heard < self._report_timeout
-        }
+        kept = self._reported(now)
         remaining = _texts(kept.values())
         released = tuple(text for text in _texts(self._entries.values()) if text not in remaining)
         self._entries = kept
         self._refresh()
         return LedgerClear(released, remaining)
 
+    def still_reported(self, now: float) -> bool:
+        """Return whether clearing at ``now`` (s) would leave a failure in force."""
+        return bool(self._reported(now))
+
     def restart_clock(self, now: float) -> None:
         """Forget times later than ``now`` (s): the clock was set back."""
         self._cleared_at, self.heard = None, min(self.heard, now)
         for source, entry in self._entries.items():
             self._entries[source] = entry._replace(heard=min(entry.heard, now))
+
+    def _reported(self, now: float) -> dict[_Source, _Entry]:
+        return {
+            source: entry
+            for source, entry in self._entries.items()
+            if not entry.healed and now - entry.heard < self._report_timeout
+        }
 
     def _statements(
         self, reports: Sequence[Report], now: float, notices: list[Notice]

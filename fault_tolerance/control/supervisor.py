@@ -60,13 +60,12 @@ class Supervisor:
         What the last step gave.
     converter : Converter
         Looks at the failures when it is told to.
+    still_reported : callable
+        Returns whether a clear now (seconds) would leave a failure in force.
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        settings: Settings | None = None,
-        kernel: Kernel | None = None,
+        self, mechanism: Mechanism, settings: Settings | None = None, kernel: Kernel | None = None,
     ) -> None:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
@@ -74,10 +73,10 @@ class Supervisor:
         self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
         self._ledger = FailureLedger(
             mechanism,
-            auto_clear=self.settings.auto_clear,
-            stop_on_unknown_mode=self.settings.unknown_mode == 'stop',
-            report_timeout=self.settings.report_timeout,
+            auto_clear=given.auto_clear, report_timeout=given.report_timeout,
+            stop_on_unknown_mode=given.unknown_mode == 'stop',
         )
+        self.still_reported = self._ledger.still_reported
         self._machine = StateMachine()
         self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
         self._estimate = self._base = self._model.unknown
@@ -87,7 +86,7 @@ class Supervisor:
         self.converter = Converter(mechanism, given.convert == 'act')
         self._shape = (len(mechanism.actuators),)
         self._beside: tuple[FloatArray, FailureSet] | None = None
-        self._paused = False
+        self._pauses: set[str] = set()
         self._outdated = self._unread = False
         self._errors = 0
         self._now = -inf
@@ -201,11 +200,11 @@ class Supervisor:
         """
         self._beside = None if rates is None else (rates, self._ledger.failures)
 
-    def pause(self, paused: bool, now: float) -> None:
-        """Hold from ``now`` on while ``paused``."""
+    def pause(self, paused: bool, now: float, why: str = 'paused') -> None:
+        """Hold from ``now`` on while ``paused``; each reason ``why`` counts for itself."""
         self._pass_time(now)
         self._readings.forget()
-        self._paused = paused
+        (self._pauses.add if paused else self._pauses.discard)(why)
 
     def forget_times(self, now: float) -> None:
         """Wait for fresh inputs: the clock they are stamped by was set back to ``now``."""
@@ -234,7 +233,7 @@ class Supervisor:
                 self._outdated = False
             degraded = found if failures.parts else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
-            hold: Reason = 'paused' if self._paused else readings.doubt
+            hold: Reason = ', '.join(sorted(self._pauses)) or readings.doubt
             if stale and not hold:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
             hold = hold or found.obstacle

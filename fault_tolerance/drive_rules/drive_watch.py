@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from fault_tolerance.drive_rules.conditions import Says, shown
 from fault_tolerance.drive_rules.field_paths import DRIVE, FieldError, FieldPath, Value
-from fault_tolerance.drive_rules.rules import DIAGNOSTICS, Rule, RuleSet
+from fault_tolerance.drive_rules.rules import DIAGNOSTICS, Reset, Rule, RuleSet
 from fault_tolerance.errors import FailureError, MechanismError
 from fault_tolerance.kinematics.common_causes import members, worse_modes
 from fault_tolerance.kinematics.failures import FailureMode
@@ -72,6 +72,7 @@ class WatchedDrive:
     path: FieldPath
     actuators: tuple[str, ...]
     """Those it carries."""
+    reset: Reset | None = None
     seen: bool = False
     """Whether any message had a value for it."""
     enabled: bool = False
@@ -132,6 +133,20 @@ class DriveWatch:
         """Actuators that no rule is about."""
         watched = {one for drive in self.drives for one in drive.actuators}
         return tuple(one for one in self.mechanism.actuator_names if one not in watched)
+
+    @property
+    def resets(self) -> tuple[Reset, ...]:
+        """The services that reset drives."""
+        return tuple(dict.fromkeys(one.reset for one in self.drives if one.reset))
+
+    @property
+    def failed(self) -> dict[str, list[Reset]]:
+        """Parts whose drives have failed by any rule, and what resets them by those rules."""
+        found: dict[str, list[Reset]] = {}
+        for one in self.drives:
+            if one.failures:
+                found.setdefault(one.part, []).extend([one.reset] if one.reset else [])
+        return found
 
     @property
     def idle(self) -> tuple[str, ...]:
@@ -204,9 +219,12 @@ def _watched(source: str, rule: Rule, mechanism: Mechanism) -> Iterable[WatchedD
         except FieldError as error:
             raise MechanismError(source, key, error.reason) from None
         topic = rule.topic.replace(DRIVE, called)
-        if DRIVE in rule.topic and not _IN_TOPIC.fullmatch(called):
-            raise MechanismError(source, key, f'{called!r} cannot stand in the name of a topic')
-        yield WatchedDrive(rule, part, called, topic, path, actuators)
+        names = (rule.topic, rule.reset.service if rule.reset else '')
+        if any(DRIVE in one for one in names) and not _IN_TOPIC.fullmatch(called):
+            reason = f'{called!r} cannot stand in the name of a topic or service'
+            raise MechanismError(source, key, reason)
+        reset = rule.reset.of_drive(called) if rule.reset else None
+        yield WatchedDrive(rule, part, called, topic, path, actuators, reset)
 
 
 def _without_reports(message: Any) -> Any:

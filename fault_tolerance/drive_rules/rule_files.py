@@ -11,12 +11,13 @@ from typing import get_args
 
 from fault_tolerance.drive_rules.conditions import SAYS, Case, Says
 from fault_tolerance.drive_rules.field_paths import FieldError, FieldPath, Value, field_path
-from fault_tolerance.drive_rules.rules import INDEX, JOINT, NUMBER, Drives, Rule, RuleSet
+from fault_tolerance.drive_rules.rules import INDEX, JOINT, NUMBER, Drives, Reset, Rule, RuleSet
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.mechanism.reading import Section, file_text, parsed
 from fault_tolerance.resources import share_directory
 
 _KIND = re.compile(r'[a-z]\w*/msg/[A-Z]\w*')
+_SERVICE_KIND = re.compile(r'[a-z]\w*/srv/[A-Z]\w*')
 _TOPIC = re.compile(r'/?(?:\w|\{drive\})+(?:/(?:\w|\{drive\})+)*')
 _CONDITIONS = ('is', 'bits', 'within', 'matches')
 
@@ -108,11 +109,31 @@ def _rule(section: Section, drives: Drives) -> Rule:
     rule = Rule(
         section.text('name'), topic, kind, _field(section), cases, _says(section, 'otherwise'),
         _drives(section) if section.has('drives') else drives, section.flag('best_effort'),
+        _reset(section.section('reset')) if section.has('reset') else None,
     )
     section.close()
     if not any(case.says == 'well' for case in cases):
         raise section.error('cases', 'none says well, so no failure would ever end')
     return rule
+
+
+def _reset(section: Section) -> Reset:
+    kind = section.text('type') if section.has('type') else 'std_srvs/srv/Trigger'
+    service = section.text('service')
+    if not _SERVICE_KIND.fullmatch(kind):
+        raise section.error('type', f'{kind!r} is not written as std_srvs/srv/Trigger')
+    if not _TOPIC.fullmatch(service):
+        raise section.error('service', f'{service!r} is not the name of a service')
+    request = []
+    if section.has('request'):
+        fields = section.section('request')
+        for key in fields.keys():
+            value = fields.get(key)
+            if not isinstance(value, get_args(Value)):
+                raise fields.error(key, f'{value!r} is neither a number nor a text')
+            request.append((str(key), value))
+    section.close()
+    return Reset(service, kind, tuple(request))
 
 
 def _field(section: Section) -> FieldPath:

@@ -121,6 +121,10 @@ def _rule(rule: Rule, watch: DriveWatch | None) -> dict[str, Any]:
         'name': rule.name, 'topic': rule.topic, 'type': rule.kind, 'field': str(rule.field),
         'per_drive': rule.is_per_drive, 'drives': drives,
         'cases': [_case(case) for case in rule.cases],
+        'reset': None if rule.reset is None else {
+            'service': rule.reset.service, 'type': rule.reset.kind,
+            'request': dict(rule.reset.request),
+        },
         'otherwise': {'says': rule.otherwise, 'meaning': MEANING[rule.otherwise]},
     }
 

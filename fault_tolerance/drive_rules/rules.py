@@ -23,6 +23,33 @@ DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 
 
 @dataclass(frozen=True)
+class Reset:
+    """The service that resets a drive, or several.
+
+    Attributes
+    ----------
+    service : str
+        Its name; may contain ``{drive}``.
+    kind : str
+        Its type, as ``std_srvs/srv/Trigger``.
+    request : tuple of (str, value)
+        Fields of the request; the others stay as they are in a new one.
+    """
+
+    service: str
+    kind: str
+    request: tuple[tuple[str, Value], ...] = ()
+
+    def of_drive(self, called: str) -> Reset:
+        """Return that of the drive that messages call ``called``."""
+        request = tuple(
+            (key, value.replace(DRIVE, called) if isinstance(value, str) else value)
+            for key, value in self.request
+        )
+        return Reset(self.service.replace(DRIVE, called), self.kind, request)
+
+
+@dataclass(frozen=True)
 class Rule:
     """One rule.
 
@@ -42,6 +69,8 @@ class Rule:
     drives : mapping of str to str, or str
     best_effort : bool
         Whether messages may be lost on the way: sensor data is published so.
+    reset : Reset, optional
+        What resets a drive of which the rule says that it has failed.
     """
 
     name: str
@@ -52,6 +81,7 @@ class Rule:
     otherwise: Says
     drives: Drives
     best_effort: bool = False
+    reset: Reset | None = None
 
     @property
     def is_per_drive(self) -> bool:

@@ -75,8 +75,9 @@ class Controller(Node):
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
         )
-        OperatorServices(
-            self, supervisor, timeline, self._on_operator_request, self._silent.monitor.forget
+        self._operator = OperatorServices(
+            self, supervisor, *shared, live.values, self._on_operator_request,
+            self._silent.monitor.forget,
         )
         self._stepped = self._excused = False
         self._ticked = timeline.now()
@@ -134,6 +135,7 @@ class Controller(Node):
             self._health.count('stalls')
         self._startup.exchange(self._supervisor, self.get_logger())
         self._reports.read()
+        self._operator.look()
         # After a late tick, read pending messages before declaring inputs stale.
         self._excused = late > LATE and not self._excused
         if not (self._stepped or self._excused):

@@ -21,6 +21,7 @@ from fault_tolerance.drive_rules.rule_files import rules_named
 from fault_tolerance.drive_rules.rules import Rule
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.drive_resets import DriveResets
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.message_types import message_type
 from fault_tolerance.nodes.messages import (
@@ -55,10 +56,13 @@ class DriveReports(Node):
         self._watch = DriveWatch(rules_named(values['rules']), mechanism)
         self._namespace = self.get_namespace().strip('/')
         timeline = TimeLine(self.get_clock())
+        self._resets = DriveResets(self, self._watch, values['reset_timeout'])
         self._health = Health(self, timeline, 'rules', self._namespace, self._present)
         self._reports = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self._subscribers = self._looks = 0
-        self._missing: list[str] = []
+        self._missing = self._resets.missing
+        for kind in self._missing:
+            self.get_logger().error(f'there is no service type {kind} here: it resets nothing')
         self._silent: dict[str, str] = {}
         self._heard: set[str] = set()
         self._complained: set[tuple[str, str]] = set()
@@ -101,7 +105,8 @@ class DriveReports(Node):
                 self._health.warn(Notice('field', text))
 
     def _on_timer(self) -> None:
-        """Report once a second, and at once to a new subscriber."""
+        """Report once a second, and at once to a new subscriber; answer for resets."""
+        self._resets.look()
         count = self._reports.get_subscription_count()
         self._looks += 1
         if count > self._subscribers or self._looks % _REPORT_EVERY == 0:
@@ -123,7 +128,7 @@ class DriveReports(Node):
     def _present(self) -> tuple[int, str]:
         unseen = {part for topic in self._heard for part in self._watch.unseen(topic)}
         concerns = {
-            'no message type': self._missing, 'waiting for': self._silent,
+            'no type': self._missing, 'waiting for': self._silent,
             'nothing of': sorted(unseen), 'not well yet:': self._watch.idle,
         }
         texts = [f'{what} {", ".join(names)}' for what, names in concerns.items() if names]

@@ -17,12 +17,14 @@ NOTHING_RELEASED = 1
 """Exit code of a clear that has released nothing."""
 
 _PATIENCE = 10.0
+# For a clear that resets drives first: longer than the parameter reset_timeout may be.
+_RESET_PATIENCE = 70.0
 # Longer than the controller takes to react to a report of the simulator.
 _REACTION_TIME = 1.0
 # In which a controller that runs is heard of.
 _DISCOVERY_TIME = 4.0
 
-Wait = Callable[[Callable[[], bool], str], None]
+Wait = Callable[..., None]
 """Spins until a condition holds; the text names what it waits for."""
 
 
@@ -64,7 +66,7 @@ def clear(namespace: str = '', node: str = CONTROLLER) -> tuple[str, int]:
     def act(operator: OperatorClient, wait: Wait) -> None:
         wait(lambda: bool(operator.state), f'the controller {operator.controller}')
         wait(lambda: operator.controller_listens, f'the controller {operator.controller}')
-        wait(operator.clear(), f'the controller {operator.controller}')
+        wait(operator.clear(), f'the controller {operator.controller}', _RESET_PATIENCE)
 
     done = _with_operator(lambda: OperatorClient(namespace, controller=node), act)
     return done.answer, 0 if done.released else NOTHING_RELEASED
@@ -76,11 +78,13 @@ def _with_operator(
     """Return the operator after it has acted and what follows has been heard of."""
     with spun(create) as (operator, executor):
 
-        def wait(condition: Callable[[], bool], what: str) -> None:
-            deadline = monotonic() + _PATIENCE
+        def wait(
+            condition: Callable[[], bool], what: str, patience: float = _PATIENCE
+        ) -> None:
+            deadline = monotonic() + patience
             while not condition():
                 if monotonic() > deadline:
-                    raise FaultToleranceError(f'no answer within {_PATIENCE:g} s from {what}')
+                    raise FaultToleranceError(f'no answer within {patience:g} s from {what}')
                 executor.spin_once(timeout_sec=0.05)
 
         act(operator, wait)

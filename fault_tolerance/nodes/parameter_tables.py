@@ -117,6 +117,13 @@ CONTROLLER = (
         relief=('lead the strain back that a failure leaves behind, where efforts show it',),
     ),
     Parameter('pose_topic', '', 'topic of a pose sensor of the platform; empty: there is none'),
+    Parameter(
+        'reset_service', '',
+        '~/clear_failures calls this std_srvs/srv/Trigger before it clears, drive_reports/reset '
+        'for one; empty: nothing',
+    ),
+    _live(
+        'reset_timeout', 10.0, 'for which ~/clear_failures waits for it', 's', _TIMES),
     _EXAGGERATION,
     Parameter(
         'realtime_priority', 0,
@@ -182,6 +189,8 @@ SIMULATOR = (
 DRIVE_REPORTS = (
     _MECHANISM,
     Parameter('rules', 'cia402', 'shipped rules by name, or the path of a rule file'),
+    Parameter(
+        'reset_timeout', 5.0, 'time for drives to become well after ~/reset', 's', _TIMES),
 )
 
 POINTING = (

@@ -19,7 +19,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from fault_tolerance.analysis.topics import PROBE
 from fault_tolerance.closed_loop import detected
@@ -36,6 +35,7 @@ from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray, decimal
 from fault_tolerance.nodes.health import Health
+from fault_tolerance.nodes.late_service import Answer, LateService
 from fault_tolerance.nodes.messages import (
     FAILURE_MODE_KEY,
     diagnostics_to_msg,
@@ -90,13 +90,9 @@ class SilentFailures:
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
         self._acted: set[Suspicion] = set()
-        self._waiting: list[tuple[Trigger.Response, Any]] = []
         self._commands = node.create_publisher(JointState, '~/joint_commands', 10)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._service = node.create_service(Trigger, '~/probe', self._probe)
-        # The answer is sent when the probe is over, so not when the callback returns.
-        self._answer = self._service.send_response
-        self._service.send_response = self._answer_later
+        self._service = LateService(node, '~/probe', self._probe)
         if pose_topic:
             node.create_subscription(
                 PoseStamped, pose_topic, self._on_pose, qos_profile_sensor_data
@@ -149,8 +145,8 @@ class SilentFailures:
             if monitor.acts:
                 self._act(suspicion)
             self._publish()
-        if self._waiting and not monitor.probing:
-            self._tell()
+        if self._service.awaited and not monitor.probing:
+            self._service.answer(True, monitor.finding)
         self._supervisor.move_beside(monitor.rates)
 
     def _act(self, suspicion: Suspicion) -> None:
@@ -197,23 +193,9 @@ class SilentFailures:
         except ValueError:
             self._pose = None
 
-    def _probe(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.monitor.probing:
-            response.message = self.monitor.request_probe()
-        return response
-
-    def _answer_later(self, response: Trigger.Response, header: object) -> None:
-        if response.message:
-            self._answer(response, header)
-        else:
-            self._waiting.append((response, header))
-
-    def _tell(self) -> None:
-        """Answer those who wait for a probe."""
-        waiting, self._waiting = self._waiting, []
-        for response, header in waiting:
-            response.success, response.message = True, self.monitor.finding
-            self._answer(response, header)
+    def _probe(self) -> Answer | None:
+        refusal = '' if self.monitor.probing else self.monitor.request_probe()
+        return (False, refusal) if refusal else None
 
     def _publish(self) -> None:
         """Publish every suspicion, and what is about to become one."""

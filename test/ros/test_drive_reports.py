@@ -15,6 +15,7 @@ from node_rig import Probe, values_of
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Int32MultiArray
+from std_srvs.srv import SetBool, Trigger
 
 from fault_tolerance.nodes.message_types import message_type
 
@@ -25,6 +26,7 @@ rules:
     type: diagnostic_msgs/msg/DiagnosticArray
     field: status[.name=hexapod monitor].values[.key={drive}].value
     drives: {theta_1: leg A, theta_2: leg B, theta_3: leg C, theta_4: leg D}
+    reset: {service: monitor/reset}
     cases:
       - {is: tracking, says: well}
       - {is: [idle, homing], says: nothing}
@@ -35,6 +37,7 @@ rules:
     type: std_msgs/msg/Int32MultiArray
     field: data[{drive}]
     drives: "{index}"
+    reset: {service: "amplifiers/reset_{drive}", type: std_srvs/srv/SetBool, request: {data: true}}
     cases:
       - {is: 0, says: well}
       - {bits: 1, says: free, text: no supply}
@@ -95,6 +98,12 @@ class Machine:
 
 
 @pytest.fixture
+def controller(start, probe):
+    return start(
+        'controller', mechanism='fsm_4_strut', reset_service='drive_reports/reset')
+
+
+@pytest.fixture
 def machine(start, probe, plant, tmp_path):
     rules = tmp_path / 'legs.yaml'
     rules.write_text(RULES, encoding='utf-8')
@@ -135,7 +144,7 @@ def test_a_fault_degrades_and_its_reset_and_a_clear_make_it_nominal(machine, pla
     plant.reach('nominal')
 
 
-def test_two_rules_about_one_drive_add_up(machine, plant, probe):
+def test_two_rules_about_one_drive_add_up_and_it_is_reset(machine, plant, probe):
     machine.legs(D='seized')
     machine.codes(0, 0, 0, 3)
     plant.reach('degraded')
@@ -143,6 +152,53 @@ def test_two_rules_about_one_drive_add_up(machine, plant, probe):
     assert mode_of(machine, 'drive_reports: theta_4 (leg monitor)') == 'position'
     plant.step()
     probe.wait(lambda: probe.mechanism['failures'] == 'position:theta_4', 'the worse of them')
+    # There is no service: that is said, and it is cleared even so.
+    answer = probe.clear()
+    assert not answer.success
+    assert answer.message.startswith(
+        'no service /monitor/reset; no service /amplifiers/reset_3; still reported: ')
+    asked: list[Any] = []
+
+    def amplifier(request, response):
+        asked.append(request.data)
+        machine.codes(0, 0, 0, 0)
+        response.success = True
+        return response
+
+    def monitor(_, response):
+        response.success, response.message = len(asked) > 1, 'too hot'
+        return response
+
+    services = (
+        probe.node.create_service(SetBool, 'amplifiers/reset_3', amplifier),
+        probe.node.create_service(Trigger, 'monitor/reset', monitor),
+    )
+
+    def refused():
+        # Until drive_reports has discovered them.
+        answer = probe.clear()
+        return not answer.success and 'refused: too hot' in answer.message
+
+    probe.wait(refused, 'a refusal')
+    assert asked == [True] and mode_of(machine, 'drive_reports: theta_4 (amplifiers)') == 'none'
+    plant.reach('degraded')
+    client = probe.node.create_client(Trigger, 'fault_tolerance/clear_failures')
+    probe.wait(client.service_is_ready, 'the controller')
+    asked.append(True)
+    cleared = client.call_async(Trigger.Request())
+    plant.reach('hold')
+    probe.metrics.clear()
+    while not probe.metrics:
+        plant.step()
+        assert probe.state == 'hold' and not cleared.done()
+    assert 'drives are reset' in probe.metrics[-1].status[0].message
+    machine.legs()
+    probe.wait(cleared.done, 'the answer')
+    assert cleared.result().message.startswith('reset: theta_4; released ')
+    assert cleared.result().success
+    plant.reach('nominal')
+    for one in services:
+        probe.node.destroy_service(one)
 
 
 def test_sensor_data_of_one_topic_for_each_drive(machine, plant, probe):
@@ -186,7 +242,7 @@ def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
     assert machine.reports()[name].hardware_id == 'left/theta_2'
     assert own[-1].hardware_id == 'left/drive_reports'
     assert own[-1].level == DiagnosticStatus.WARN
-    assert 'no message type other_vendors_msgs/msg/DriveState; waiting for ' in own[-1].message
+    assert 'no type other_vendors_msgs/msg/DriveState; waiting for ' in own[-1].message
     assert node.output.count('other_vendors_msgs/msg/DriveState') == 1
     # What has said nothing after 5 s is told too.
     probe.wait(lambda: 'never heard waits for it' in node.output, 'the line about silence')

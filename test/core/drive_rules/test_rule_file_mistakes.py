@@ -61,6 +61,13 @@ def refused(content, message):
     (['otherwise'], None, 'rules.state.otherwise: is missing'),
     (['otherwise'], 'dead', "rules.state.otherwise: 'dead' is not one of well, nothing, stuck"),
     (['best_effort'], 'yes please', "best_effort: is 'yes please', expected true or false"),
+    (['reset'], {}, 'rules.state.reset.service: is missing'),
+    (['reset'], {'service': 'a b'}, "rules.state.reset.service: 'a b' is not the name of a serv"),
+    (['reset'], {'service': 'a', 'type': 'std_srvs/msg/Trigger'},
+     "rules.state.reset.type: 'std_srvs/msg/Trigger' is not written as std_srvs/srv/Trigger"),
+    (['reset'], {'service': 'a', 'request': {'id': [1]}},
+     'rules.state.reset.request.id: [1] is neither a number nor a text'),
+    (['reset'], {'service': 'a', 'now': True}, 'rules.state.reset.now: is not a known key here'),
     (['extra'], 1, 'rules.state.extra: is not a known key here'),
     (['cases'], None, 'rules.state.cases: is missing'),
     (['cases'], [], 'rules.state.cases: none says well, so no failure would ever end'),
@@ -104,7 +111,7 @@ def test_a_text_that_is_no_rule_file(text, message):
 
 PLACES = [
     [], ['name'], ['topic'], ['type'], ['field'], ['otherwise'], ['drives'], ['best_effort'],
-    ['cases'], ['cases', 0], *(['cases', 1, key] for key in (
+    ['reset'], ['cases'], ['cases', 0], *(['cases', 1, key] for key in (
         'says', 'text', 'is', 'mask', 'bits', 'within', 'matches', 'once_enabled')),
 ]
 ANYTHING = st.recursive(
@@ -158,7 +165,7 @@ def test_a_file_in_the_home_of_the_user(tmp_path, monkeypatch):
     (['field'], 'data[{drive}]',
      "rules.state.drives.theta_1: 'theta_1' is not an index from 0 on"),
     (['drives'], {'theta_1': 'leg A'},
-     "rules.state.drives.theta_1: 'leg A' cannot stand in the name of a topic"),
+     "rules.state.drives.theta_1: 'leg A' cannot stand in the name of a topic or service"),
 ])
 def test_rules_that_do_not_fit_the_mechanism(path, value, message):
     rules = rules_from_text(yaml.safe_dump(document(path, value)), 'my.yaml')
