@@ -28,15 +28,21 @@ LONGEST_GAP = 1.0
 """Seconds without anything to watch after which the comparison begins anew."""
 
 
+DEAF_TIME, DEAF_SHARE = 0.5, 0.02
+"""Seconds of motion commanded, and the share of it that no drive has made: none follows."""
+
+
 class Tracking:
     """Compares the travel measured with the travel commanded, for the actuators of ``mechanism``.
 
     ``error`` is the largest difference over the last `WINDOW`, m/s, turning drives at the
-    characteristic length.
+    characteristic length. ``deaf`` is for how long all drives together have not followed, seconds
+    of motion commanded.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.error = 0.0
+        self.error = self.deaf = self._path = 0.0
+        self._stood: FloatArray | None = None
         self._scale = mechanism.rate_scale
         self._rates = self._travel = 0.0 * self._scale
         self._start: tuple[float, FloatArray] | None = None
@@ -50,11 +56,16 @@ class Tracking:
         elapsed = now - self._now
         if 0.0 <= elapsed <= LONGEST_GAP:
             self._travel = self._travel + elapsed * self._rates
+            self._path += elapsed * float(np.linalg.norm(self._scale * self._rates))
+            self.deaf = self.deaf + elapsed if rates.any() else 0.0
         else:
             self._start = None
         self._now, self._rates = now, rates
         if values is None:
             return
+        moved = 0.0 if self._stood is None else self._scale * (values - self._stood)
+        if self._stood is None or np.linalg.norm(np.nan_to_num(moved)) > DEAF_SHARE * self._path:
+            self._stood, self.deaf, self._path = values, 0.0, 0.0
         if self._start is not None:
             begin, before = self._start
             if now - begin < WINDOW:
@@ -123,6 +134,9 @@ class Watch:
 
     def _found(self, now: float, output: Output) -> Iterator[Notice]:
         settings = self.settings
+        if self._tracking.deaf > DEAF_TIME:
+            text = 'no drive follows: is what drives them active, and listens to these commands?'
+            yield Notice('not_followed', text, rejected=False)
         if output.standstill:
             yield Notice('standstill', output.standstill, rejected=False)
         for reason, value, limit, unit in (

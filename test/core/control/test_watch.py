@@ -38,6 +38,18 @@ def test_the_tracking_error_is_what_is_missing_of_the_commanded_rate(shares):
     assert not news
 
 
+@pytest.mark.parametrize(('share', 'warned'), [(0.0, True), (0.05, False)])
+def test_drives_that_do_not_follow_at_all_are_told_of(share, warned):
+    supervisor, news, _ = run(MIRROR, 4 * (share,), ASKED, seconds=0.7)
+    assert [one.reason for one in news] == ['not_followed'] * warned
+    assert ('no drive follows' in supervisor.metrics().message) is warned
+    feed(supervisor, 0.7, [0.0, 0.0, 0.0])
+    supervisor.step(0.7)
+    supervisor.watch()
+    supervisor.step(0.7)
+    assert 'no drive follows' not in supervisor.metrics().message
+
+
 def test_turning_drives_count_at_the_characteristic_length():
     asked = [0.01, 0.0, 0.0][: len(ARM.task.coordinates)]
     supervisor, _, missing = run(ARM, (0.5, 1.0, 1.0), asked)
