@@ -26,6 +26,9 @@ from fault_tolerance.nodes.messages import status_name, status_to_msg
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
 
+COUNTED = {State.STOPPED: 'stops', State.HOLD: 'holds'}
+"""States whose beginnings are counted on the diagnostics, beside failures."""
+
 METRICS_PERIOD, COLLECTION_PERIOD = 0.2, 5.0
 """Seconds from metrics to metrics, and from one collection of garbage to the next."""
 
@@ -64,6 +67,7 @@ class StatusPublisher:
         self._state = node.create_publisher(String, '~/state', latched)
         self._status = node.create_publisher(DiagnosticStatus, '~/status', ALIVE)
         self._published: tuple[object, ...] = ()
+        self._counted = supervisor.output
         self._told: DiagnosticStatus | None = None
         self._metrics_due = self._collection_due = monotonic()
         self._discovered = self._metrics_due + DISCOVERY
@@ -82,6 +86,7 @@ class StatusPublisher:
         That is a change of state, failures or park move, and what is done periodically: right
         after a command, when most of the period is still ahead.
         """
+        self._count(output)
         changed = (output.state, output.failures, output.parking) != self._published
         if changed and (output.state is not State.WAITING or monotonic() >= self._discovered):
             self._deferred.add(self._publish_change)
@@ -91,6 +96,16 @@ class StatusPublisher:
         if now >= self._collection_due:
             self._collection_due = now + COLLECTION_PERIOD
             self._deferred.add(gc.collect)
+
+    def _count(self, output: Output) -> None:
+        """Count failures, stops and holds that have begun with this ``output``."""
+        before, self._counted = self._counted, output
+        if output.failures is not before.failures:
+            for one in output.failures.failures:
+                if one not in before.failures.failures:
+                    self._health.count('failures')
+        if output.state is not before.state and output.state in COUNTED:
+            self._health.count(COUNTED[output.state])
 
     def _publish_change(self) -> None:
         output = self._supervisor.output

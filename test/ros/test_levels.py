@@ -76,6 +76,8 @@ def test_one_level_and_one_text_everywhere(probe, panel, controller, plant):
     level, text = panel.told[0]
     assert (level, text[: len(reason)]) == (ERROR, reason)
     assert text.endswith('cannot be given independently (position measure 0)')
+    counts = values_of(panel.health)
+    assert (counts['failures'], counts['stops']) == ('2', '1') and int(counts['holds']) >= 2
     lines = [line for line in controller.output.splitlines() if 'fault_tolerance]: ' in line]
     for kind, words in (('[WARN]', 'degraded: '), ('[WARN]', 'hold: '), ('[ERROR]', 'stopped: ')):
         assert any(kind in line and words in line for line in lines), (kind, lines)
