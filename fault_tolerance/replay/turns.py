@@ -12,6 +12,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Sequence
+from math import isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -69,8 +70,9 @@ def turns_of(inputs: RecordedInputs, mechanism: Mechanism) -> Turns:
     """Return the turns of the controller of ``mechanism`` that ``inputs`` are of."""
     readings, remarks = _stamped(inputs)
     commands = inputs.commands
+    in_parts, whole = _put_together(mechanism, readings)
     if any(command.answered for command in commands):
-        turns, missed, lacking = _answered(mechanism, readings, commands)
+        turns, missed, lacking = _answered(mechanism, whole, commands, in_parts)
         if missed:
             remarks.append(f'{missed} joint states were not taken by the controller')
         if lacking:
@@ -85,7 +87,14 @@ def turns_of(inputs: RecordedInputs, mechanism: Mechanism) -> Turns:
             'no fault_tolerance/joint_commands in it: velocity_controller/commands with their '
             f'times of receipt; {NOT_IDENTICAL}'
         )
-    return Turns(_paired(readings, commands), remarks)
+    if in_parts:
+        remarks.append(f'joints in messages of their own, put together; {NOT_IDENTICAL}')
+        # The last part before a command completes what it answers.
+        stamps = sorted(command.stamp for command in commands)
+        places = [bisect_right(stamps, one.stamp) for one in whole]
+        whole = [one for one, place, following in zip(
+            whole, places, [*places[1:], len(stamps) + 1], strict=True) if place < following]
+    return Turns(_paired(whole, commands), remarks)
 
 
 NOT_IDENTICAL = 'not identical to what the live detection has found'
@@ -110,7 +119,8 @@ def _stamped(inputs: RecordedInputs) -> tuple[list[RecordedReading], list[str]]:
 
 
 def _answered(
-    mechanism: Mechanism, readings: Sequence[RecordedReading], commands: Sequence[RecordedCommand]
+    mechanism: Mechanism, readings: Sequence[RecordedReading],
+    commands: Sequence[RecordedCommand], in_parts: bool,
 ) -> tuple[list[Turn], int, int]:
     """Return turns as the commands say; how many readings were missed, and are not recorded."""
     reader = JointStateReader(mechanism)
@@ -126,17 +136,60 @@ def _answered(
         wanted = np.array(command.answered)
         begun = bool(place)
         last = min(place + MOST_MISSED, len(shown)) if begun else len(shown)
-        possible = range(place, last) if np.isnan(wanted).any() else places[command.answered]
+        anywhere = in_parts or np.isnan(wanted).any()
+        possible = range(place, last) if anywhere else places[command.answered]
         found = next(
             (k for k in possible if place <= k < last and _same(shown[k], wanted)), None
         )
-        turns.append(Turn(command, None if found is None else readings[found]))
         if found is None:
+            turns.append(Turn(command, None))
             lacking += 1
+            continue
+        reading = readings[found]
+        if in_parts:
+            # The last part that changes nothing of it is the one that completed it.
+            while found + 1 < last and readings[found + 1].stamp <= command.stamp and _same(
+                shown[found + 1], wanted
+            ):
+                found += 1
+            reading = _lacking(mechanism, readings[found], wanted)
         else:
             missed += found - place if begun else 0
-            place = found + 1
+        turns.append(Turn(command, reading))
+        place = found + 1
     return turns, missed, lacking
+
+
+def _put_together(
+    mechanism: Mechanism, readings: Sequence[RecordedReading]
+) -> tuple[bool, Sequence[RecordedReading]]:
+    """Return whether readings have some of the joints each; then each with those before it."""
+    wanted = set(mechanism.joint_state_names)
+    if not any(0 < len(wanted.intersection(one.names)) < len(wanted) for one in readings):
+        return False, readings
+    newest: dict[str, float] = {}
+    whole = []
+    for one in readings:
+        newest |= {
+            name: position for name, position in zip(one.names, one.positions, strict=False)
+            if name in wanted and isfinite(position)
+        }
+        whole.append(one._replace(
+            names=tuple(newest), positions=tuple(newest.values()),
+            efforts=one.efforts if wanted <= set(one.names) else (),
+        ))
+    return True, whole
+
+
+def _lacking(
+    mechanism: Mechanism, reading: RecordedReading, wanted: FloatArray
+) -> RecordedReading:
+    """Return a reading without the joints that a command knows nothing of: they were too old."""
+    unknown = np.array(mechanism.joint_state_names)[np.isnan(wanted)].tolist()
+    return reading._replace(positions=tuple(
+        nan if name in unknown else position
+        for name, position in zip(reading.names, reading.positions, strict=True)
+    ))
 
 
 def _shown(

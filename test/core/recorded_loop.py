@@ -70,12 +70,14 @@ class RecordedLoop:
     """The controller's way through its messages, and what a recorder would have of them.
 
     The same order as in the nodes: step, publish, command, observe. ``namespace`` is empty or
-    has a leading slash.
+    has a leading slash. With ``parts`` every joint has a message of its own,
+    but for those in ``mute``.
     """
 
-    def __init__(self, name='mirror_4_strut', namespace='', detect='advise', answers=True) -> None:
+    def __init__(self, name='mirror_4_strut', namespace='', detect='advise', answers=True,
+                 parts=False) -> None:
         self.mechanism = mechanism_named(name)
-        self.namespace, self._answers = namespace, answers
+        self.namespace, self._answers, self._parts = namespace, answers, parts
         self._plant = plant_named('elastic', self.mechanism, PlantSettings(), 1)
         self.supervisor = Supervisor(self.mechanism)
         self.monitor = Monitor(
@@ -84,6 +86,7 @@ class RecordedLoop:
         self._reference, self._pointing = Circle(1e-3, 1.0), PointingLoop()
         self._now = BEGIN
         self._rng = np.random.default_rng(3)
+        self.mute: set[str] = set()
         self.samples: list[Sample] = []
         self.evidence: list[dict[str, float]] = []
         self.found: list[dict[str, str]] = []
@@ -132,12 +135,18 @@ class RecordedLoop:
     def _step(self) -> None:
         self._now += PERIOD
         seen = self._plant.step(1e-9 * PERIOD)
-        names, mechanism = self.mechanism.joint_state_names, self.mechanism
-        message = joint_state(
-            self._now, names, mechanism.readings_from_values(seen.measured_values),
+        names, mechanism = list(self.mechanism.joint_state_names), self.mechanism
+        read = np.array([
+            mechanism.readings_from_values(seen.measured_values),
             mechanism.rates_from_readings(seen.measured_rates),
-            mechanism.rates_from_readings(seen.efforts))
-        self._take('joint_states', message, self._now + 100_000)
+            mechanism.rates_from_readings(seen.efforts)])
+        count = 1 if self._parts else len(names)
+        parts = [slice(k, k + count) for k in range(0, len(names), count)]
+        parts = [part for part in parts if not self.mute.intersection(names[part])]
+        messages = [joint_state(self._now + 1000 * k, names[part], *read[:, part])
+                    for k, part in enumerate(parts)]
+        for message in messages:
+            self._take('joint_states', message, self._now + 100_000)
         # The watchdog, now and then: nothing new, and not recorded.
         if self._rng.random() < 0.3:
             self.supervisor.step(1e-9 * (self._now - 1000))
@@ -147,14 +156,17 @@ class RecordedLoop:
         now = self._now + LATENCY
         self.supervisor.task_velocity(twist[mechanism.task.rows], 1e-9 * now)
         failed = self.supervisor.failures.parts
-        values, _ = self._reader.readings(list(names), message.position.tolist(), failed)
-        assert self.supervisor.joint_reading(values, 1e-9 * now, 1e-9 * self._now) is None
+        *_, (values, _) = (
+            self._reader.readings(one.name, one.position.tolist(), failed, 1e-9 * now)
+            for one in messages)
+        stamp = self._now + 1000 * (len(messages) - 1)
+        assert self.supervisor.joint_reading(values, 1e-9 * now, 1e-9 * stamp) is None
         self._cycle(now, answers=True)
         output = self.supervisor.output
         estimate = output.estimate
         found = self.monitor.observe(
-            Sighting(self._now, estimate.readings,
-                     self._reader.efforts(list(names), message.effort.tolist())),
+            Sighting(stamp, estimate.readings,
+                     self._reader.efforts(message.name, message.effort.tolist())),
             output.failures, estimate.pose, lambda: strut_rows(estimate.configuration),
             output.state in MOVING)
         self.evidence.append({str(one): odds for one, odds in self.detector.evidence.items()})

@@ -65,6 +65,19 @@ def test_the_evidence_is_the_same_to_the_last_bit(loop, tmp_path):
     assert again.probes >= 1
 
 
+def test_one_message_for_each_joint(tmp_path, capsys):
+    loop = stuck(parts=True)
+    # Its encoder dies with it.
+    loop.report('position', 'theta_4')
+    loop.mute = {'theta_4'}
+    loop.run(0.3)
+    bag = loop.write(tmp_path / 'run.mcap')
+    found = result(capsys, 'detect', bag)
+    assert found['findings'] == loop.found and not found['remarks']
+    again = replayed(recorded_inputs(bag), loop.mechanism)
+    assert [one.odds for one in again.course] == loop.evidence
+
+
 def test_stamps_pair_commands_that_do_not_say_what_they_answer(tmp_path, capsys):
     loop = RecordedLoop(answers=False)
     loop.run(1.2)
