@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf, isfinite, isinf, pi
 
 import numpy as np
@@ -32,6 +33,9 @@ WHOLE_TURNS = 0.02
 """Share of a turn by which a jump may differ from whole turns to be called a wrap."""
 
 
+Turns = Callable[[FloatArray, FloatArray], FloatArray]
+
+
 class Continuity(InputWatchdog):
     """Takes joint values as continuations of the last ones; a watchdog for them.
 
@@ -46,6 +50,9 @@ class Continuity(InputWatchdog):
     mechanism : Mechanism
     timeout : float
         Seconds without a reading that are a gap; refusals that last longer are a `doubt`.
+    turns : callable
+        Given values from home and where the drives were last, or home, returns in which turns they
+        are: see `closing_turns`. Asked at the start and after `forget`.
 
     Attributes
     ----------
@@ -57,7 +64,7 @@ class Continuity(InputWatchdog):
         Actuators that have failed, not with their struts, and whose encoders say nothing.
     """
 
-    def __init__(self, mechanism: Mechanism, timeout: float) -> None:
+    def __init__(self, mechanism: Mechanism, timeout: float, turns: Turns) -> None:
         super().__init__('joint state', timeout)
         self._mechanism = mechanism
         drives = mechanism.actuators
@@ -65,6 +72,7 @@ class Continuity(InputWatchdog):
         self._slacks = SLACK * mechanism.characteristic_length / mechanism.rate_scale
         self._periods = np.array([one.period for one in drives])
         self._wraps = bool(np.isfinite(self._periods).any())
+        self._turns, self._places = turns, np.zeros(len(drives))
         self._lasts, self._raws = np.full((2, len(drives)), np.nan)
         self._repeated = np.zeros(len(drives), np.intp)
         self._heard = self._refused = -inf
@@ -74,6 +82,7 @@ class Continuity(InputWatchdog):
 
     def forget(self) -> None:
         """Believe the next readings, whatever they are."""
+        self._places = np.where(np.isnan(self._lasts), self._places, self._lasts)
         self._lasts = np.full_like(self._lasts, np.nan)
         self._heard, self._since, self.doubt = -inf, inf, ''
 
@@ -140,8 +149,10 @@ class Continuity(InputWatchdog):
         return None
 
     def _unwrapped(self, values: FloatArray) -> FloatArray:
-        """Return ``values`` (N,) nearest to the last ones, or to home, in whole periods."""
-        near = np.where(np.isnan(self._lasts), 0.0, self._lasts)
+        """Return ``values`` (N,) nearest to the last ones, in whole periods."""
+        if np.isnan(self._lasts).all():
+            return self._turns(values, self._places)
+        near = np.where(np.isnan(self._lasts), self._places, self._lasts)
         with np.errstate(invalid='ignore'):  # infinite periods
             turned = values + np.round((near - values) / self._periods) * self._periods
         return np.where(np.isfinite(self._periods), turned, values)

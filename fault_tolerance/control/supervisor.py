@@ -29,6 +29,7 @@ from fault_tolerance.control.resolved_rate import no_command, rate_command, rest
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, Reason, State, StateMachine
 from fault_tolerance.control.task_velocity import TaskVelocity
+from fault_tolerance.control.unwrapping import closing_turns
 from fault_tolerance.control.watch import Watch
 from fault_tolerance.kernel.compilation import Kernel, announced_kernel
 from fault_tolerance.kinematics.failures import FailureSet
@@ -69,7 +70,7 @@ class Supervisor:
     ) -> None:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
-        self._readings = Continuity(mechanism, given.joint_state_timeout)
+        self._readings = Continuity(mechanism, given.joint_state_timeout, self._turns)
         self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
         self._ledger = FailureLedger(
             mechanism,
@@ -173,12 +174,7 @@ class Supervisor:
         return update
 
     def clear(self, now: float) -> ClearOutcome:
-        """Release what is no longer reported ``now``, lift a stop, and judge what is left.
-
-        Returns
-        -------
-        ClearOutcome
-        """
+        """Release what is not reported any more ``now``, lift a stop; return what came of it."""
         self._pass_time(now)
         cleared = self._ledger.clear(now)
         self._readings.have_failed(self._ledger.failures)
@@ -282,6 +278,9 @@ class Supervisor:
     def metrics(self) -> Metrics:
         """Return the measures that go with the last step; what is slow is computed here."""
         return metrics_of(self.output, self._watch, self._now - self._ledger.heard)
+
+    def _turns(self, values: FloatArray, near: FloatArray) -> FloatArray:
+        return closing_turns(self._model, values, near, self.failures)
 
     def _pass_time(self, now: float) -> None:
         if now < self._now:

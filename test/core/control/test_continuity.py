@@ -164,6 +164,55 @@ def test_encoders_that_wrap_are_unwrapped(steps, turns):
         np.testing.assert_allclose(machine.supervisor.output.estimate.readings, true, atol=1e-9)
 
 
+def planar(period):
+    """Return a planar platform whose legs read the same after a period, and how they read."""
+    text = mechanism_path('planar_4rpr').read_text()
+    mechanism = mechanism_from_text(
+        text.replace('velocity: 0.5', f'velocity: 0.5, period: {period}'))
+    chains = [(one.joints[0].point[:2], one.joints[-1].point[:2])
+              for one in mechanism.struts]
+
+    def legs(x, y, angle):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        return np.array([
+            np.linalg.norm(turn @ tip + (x, y) - base) - np.linalg.norm(tip - base)
+            for base, tip in chains])
+
+    return mechanism, legs
+
+
+@pytest.mark.parametrize(('place', 'near'), [
+    ((0.02, 0.03, 0.1), True), ((0.16, 0.0, 0.0), False), ((-0.1, 0.12, 0.25), False),
+])
+def test_at_the_start_it_is_in_the_turn_that_closes_the_loops(place, near):
+    mechanism, legs = planar(0.2)
+    values = legs(*place)
+    wrapped = (values + 0.1) % 0.2 - 0.1
+    assert np.allclose(wrapped, values) is near
+    machine = Machine(mechanism)
+    supervisor = Supervisor(mechanism)
+    assert supervisor.joint_reading(wrapped, 0.0) is None
+    supervisor.step(0.0)
+    np.testing.assert_allclose(supervisor.output.estimate.readings, values, atol=1e-12)
+    # Driven there, and paused: it is where it was.
+    for share in np.linspace(0.0, 1.0, 40):
+        values = legs(*share * np.array(place))
+        assert machine.read((values + 0.1) % 0.2 - 0.1) is None
+    machine.supervisor.pause(True, machine.now)
+    machine.supervisor.pause(False, machine.now)
+    assert machine.read(wrapped, 10.0) is None
+    np.testing.assert_allclose(machine.supervisor.output.estimate.readings, values, atol=1e-12)
+
+
+def test_without_redundancy_it_is_where_it_was_before_a_pause():
+    machine = Machine(arm())
+    for angle in np.arange(0.0, 5.0, 0.1):
+        machine.read([0.0, 0.0, (angle + np.pi) % TURN - np.pi])
+    machine.supervisor.pause(True, machine.now)
+    machine.read([0.0, 0.0, 5.0 - TURN], 100.0)
+    assert machine.supervisor.output.estimate.readings[2] == pytest.approx(5.0)
+
+
 def test_a_wrap_that_the_file_does_not_know_is_not_followed():
     machine = Machine(arm(period=False))
     for angle in np.arange(0.0, np.pi, 0.05):

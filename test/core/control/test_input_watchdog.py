@@ -14,7 +14,7 @@ from fault_tolerance.mechanism.catalogue import mechanism_named
 @pytest.fixture(params=['joint state', 'task velocity'])
 def entry(request) -> InputWatchdog:
     if request.param == 'joint state':
-        return Continuity(mechanism_named('mirror_4_strut'), 0.1)
+        return Continuity(mechanism_named('mirror_4_strut'), 0.1, lambda values, _: values)
     return InputWatchdog('task velocity', 0.1)
 
 

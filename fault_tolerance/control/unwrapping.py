@@ -1,0 +1,88 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+
+"""In which turn encoders that wrap are at the start: what closes the loops."""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+from math import isfinite
+
+import numpy as np
+
+from fault_tolerance.control.estimate import ControlModel, estimate
+from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.mechanism.arrays import FloatArray
+
+AGREEMENT = 1e-3
+"""Characteristic lengths by which readings of the right turns may contradict each other."""
+
+FARTHEST = 3
+"""Periods to either side that are looked at where nothing limits the stroke."""
+
+MOST = 250
+"""Combinations that are tried: where Python computes, each takes some ten milliseconds."""
+
+
+def closing_turns(
+    model: ControlModel, values: FloatArray, near: FloatArray, failures: FailureSet
+) -> FloatArray:
+    """Return joint values with whole periods added, such that the loops close.
+
+    Of those within the strokes the nearest to ``near`` with which redundant readings agree; where
+    there is none, the nearest with which the loops close; where they never do, the nearest. What
+    drives without redundancy read fits any turn.
+
+    Parameters
+    ----------
+    model : ControlModel
+    values : (N,) array
+        From home, rad or m; NaN where there is no reading.
+    near : (N,) array
+        Where the drives were last, or home.
+    failures : FailureSet
+
+    Returns
+    -------
+    (N,) array
+    """
+    mechanism = model.mechanism
+    choices = [
+        _choices(value, drive.period, drive.position, place)
+        for value, drive, place in zip(
+            values.tolist(), mechanism.actuators, near.tolist(), strict=True)
+    ]
+    limit = AGREEMENT * mechanism.characteristic_length
+    closing: FloatArray | None = None
+    begin = (0,) * len(choices)
+    queue, known = [(0.0, begin)], {begin}
+    for _ in range(MOST):
+        if not queue:
+            break
+        _, chosen = heappop(queue)
+        turned = np.array([some[one] for some, one in zip(choices, chosen, strict=True)])
+        found = estimate(model, model.unknown, turned, failures)
+        if not found.obstacle:
+            if found.misfit <= limit:
+                return turned
+            closing = turned if closing is None else closing
+        for place, some in enumerate(choices):
+            following = (*chosen[:place], chosen[place] + 1, *chosen[place + 1:])
+            if following[place] < len(some) and following not in known:
+                known.add(following)
+                away = np.array([some[one] for some, one in zip(choices, following, strict=True)])
+                distance = np.linalg.norm(np.nan_to_num(mechanism.rate_scale * (away - near)))
+                heappush(queue, (float(distance), following))
+    return np.array([some[0] for some in choices]) if closing is None else closing
+
+
+def _choices(
+    value: float, period: float, stroke: tuple[float, float], near: float
+) -> list[float]:
+    """Return what a reading may mean within a stroke, the nearest to ``near`` first."""
+    if not (isfinite(value) and isfinite(period)):
+        return [value]
+    farthest = FARTHEST * period
+    low, high = max(stroke[0], near - farthest), min(stroke[1], near + farthest)
+    turns = np.arange(np.ceil((low - value) / period), np.floor((high - value) / period) + 1.0)
+    return sorted((value + turns * period).tolist(), key=lambda one: abs(one - near)) or [value]
