@@ -215,6 +215,10 @@ class ClosedLoop:
             self.plant.command(output.rates)
             if self.settings.monitor.detect != 'off':
                 self._listen(seen, output)
+            shown = self.supervisor.converter.observe(output, now)
+            if shown and self.supervisor.reports([shown], now):
+                output = self.supervisor.step(now)
+                self.plant.command(output.rates)
             if self.supervisor.converter.consider(output, now):
                 self._convert()
             time[k] = now

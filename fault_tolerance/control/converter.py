@@ -7,23 +7,30 @@ from __future__ import annotations
 
 from math import inf
 
+from fault_tolerance.control.brake_evidence import BrakeEvidence
+from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.control.output import Output
 from fault_tolerance.errors import FailureError
 from fault_tolerance.kinematics.conversion import Conversion, best_conversion
-from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.kinematics.failures import FailureMode, FailureSet
+from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
 CONFIRMATION = 1.0
 """Seconds after which a brake or a release that nobody has confirmed is told of."""
+
+CONVERSION = 'fault_tolerance: conversion'
+"""Who says what readings show about a brake, in failure reports."""
 
 
 class Converter:
     """Finds the best conversion of the failures in force, and may ask for it.
 
     It is asked for only where the failures must not stand as they are: a brake that engages and a
-    strut that comes off are failures too. What is in force changes when the drive reports it, and
-    then the stop is lifted; without a report the stop stays.
+    strut that comes off are failures too. What is in force changes when the drive reports it, or
+    readings show that its brake holds (`BrakeEvidence`), and then the stop is lifted; without that
+    the stop stays.
 
     Parameters
     ----------
@@ -50,6 +57,10 @@ class Converter:
         self._judged = FailureSet()
         self._goal: FailureSet | None = None
         self._asked = inf
+        self._since: dict[str, float] = {}
+        self._watched = FailureSet()
+        self._readings: FloatArray | None = None
+        self._evidence: dict[str, BrakeEvidence] = {}
 
     def consider(self, output: Output, now: float) -> bool:
         """Look at the failures of an ``output`` (``now``, s), unless they have been looked at.
@@ -71,6 +82,7 @@ class Converter:
             return False
         self._judged, self.advice = failures, None
         self.engaged = tuple(name for name in before if self._concerns(name, failures))
+        self._since = {name: self._since[name] for name in self.engaged}
         if failures != self._goal:
             self._goal, self._asked = None, inf
         if failures:
@@ -83,8 +95,42 @@ class Converter:
         if best and self.acting and best.verdict.tolerable and not estimate.tolerated:
             asked = (new.name for _, new in best.actions)
             self.engaged = tuple(dict.fromkeys((*self.engaged, *asked)))
+            self._since = {name: self._since.get(name, now) for name in self.engaged}
             self._goal, self._asked = best.failures, now
         return self.engaged != before
+
+    def observe(self, output: Output, now: float) -> Report | None:
+        """Take what an ``output`` has read (``now``, s).
+
+        Parameters
+        ----------
+        output : Output
+        now : float
+
+        Returns
+        -------
+        Report or None
+            That a limp drive is stuck, as its brake holds it; or limp, as it does not after all.
+        """
+        failures, readings = output.failures, output.estimate.readings
+        if failures is not self._watched:
+            self._watched = failures
+            self._evidence = {
+                name: self._evidence.get(name) or self._evidence_of(name) for name in self.brakes
+                if name in failures.free or (name in self._evidence and name in failures.stuck)
+            }
+        if not self._evidence or readings is self._readings:
+            return None
+        self._readings = readings
+        for name, evidence in self._evidence.items():
+            value = float(readings[self._mechanism.actuator_index(name)])
+            if name in failures.stuck and evidence.refutes(value):
+                return Report((CONVERSION, name), name, FailureMode.TORQUE.value, ERROR, now)
+            if name in failures.free:
+                evidence.add(now, value)
+                if name in self._since and evidence.shows_a_stop(self._since[name]):
+                    return Report((CONVERSION, name), name, FailureMode.POSITION.value, ERROR, now)
+        return None
 
     def confirms(self, failures: FailureSet) -> bool:
         """Return whether ``failures`` are what was asked for; then it is done.
@@ -117,6 +163,10 @@ class Converter:
             return None
         self._asked = inf
         text = f'not confirmed within {CONFIRMATION:g} s: {", ".join(self.engaged)}'
+        still = [name for name in self.engaged
+                 if name in self._evidence and not self._evidence[name].has_moved]
+        if still:
+            text += f'; {", ".join(still)} did not move before, so readings do not tell'
         return Notice('conversion', f'brake or release {text}', rejected=False)
 
     def __str__(self) -> str:
@@ -125,6 +175,11 @@ class Converter:
             return ', '.join(f'{name} engaged' for name in self.engaged)
         actions = ', '.join(f'{old} to {new}' for old, new in self.advice.actions)
         return f'{actions}: {"commanded" if self._goal is not None else "advised"}'
+
+    def _evidence_of(self, name: str) -> BrakeEvidence:
+        place = self._mechanism.actuator_index(name)
+        unit = self._mechanism.characteristic_length / self._mechanism.rate_scale[place]
+        return BrakeEvidence(self._mechanism.actuators[place], float(unit))
 
     def _concerns(self, name: str, failures: FailureSet) -> bool:
         """Return whether a part engaged has a failure still."""

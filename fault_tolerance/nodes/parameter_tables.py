@@ -143,6 +143,8 @@ SIMULATOR = (
     Parameter('seed', 0, 'seed of the sensor noise', '', (0, 2**31 - 1)),
     Parameter('enable_fault_injection', True, 'accept faults on ~/inject_fault and faults.*'),
     Parameter('brakes_work', True, 'obey the brake and release commands of the controller'),
+    _live('brakes_report', True, 'report that a brake has engaged'),
+    _live('brake_time', 0.0, 'from a command until its brake engages', 's', (0.0, 10.0)),
     *_fields(
         PlantSettings,
         actuator_stiffness=(

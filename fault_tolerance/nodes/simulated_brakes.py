@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rclpy.node import Node
+from rclpy.timer import Timer
 from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.analysis.topics import BRAKE_COMMANDS, RELEASE_COMMANDS
@@ -19,7 +20,8 @@ class SimulatedBrakes:
     """Engages and lets go what the controller says, as drives that report it.
 
     A brake holds the joint where it is, a strut that is released comes off the platform. A brake
-    that lets go leaves the drive as it was before.
+    that lets go leaves the drive as it was before. The parameters ``brake_time`` and
+    ``brakes_report`` of the node say when a brake closes, and whether the drive reports it.
 
     Parameters
     ----------
@@ -32,8 +34,9 @@ class SimulatedBrakes:
     def __init__(
         self, node: Node, plant: Plant, apply: Callable[[FaultCommand], None]
     ) -> None:
-        self._plant, self._apply = plant, apply
+        self._node, self._plant, self._apply = node, plant, apply
         self._held: dict[str, FaultMode] = {}
+        self._closing: dict[str, Timer] = {}
         mechanism = plant.mechanism
         brakes = tuple(one.name for one in mechanism.actuators if one.brake)
         releases = tuple(one.name for one in mechanism.struts if one.release)
@@ -60,11 +63,22 @@ class SimulatedBrakes:
         present = self._plant.actuator_faults[place]
         if engaged and name not in self._held and present in ('none', 'torque'):
             self._held[name] = present
-            self._apply(FaultCommand('position', (name,)))
+            duration = self._node.get_parameter('brake_time').value
+            if duration:
+                self._closing[name] = self._node.create_timer(duration, lambda: self._close(name))
+            else:
+                self._close(name)
         elif not engaged and name in self._held:
             before = self._held.pop(name)
             if present == 'position':
                 self._apply(FaultCommand(before, (name,)))
+
+    def _close(self, name: str) -> None:
+        if name in self._closing:
+            self._node.destroy_timer(self._closing.pop(name))
+        if name in self._held:
+            silent = not self._node.get_parameter('brakes_report').value
+            self._apply(FaultCommand('position', (name,), silent))
 
     def _release(self, name: str, engaged: bool) -> None:
         if engaged and name not in self._plant.lost_struts:

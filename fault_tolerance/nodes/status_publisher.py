@@ -58,7 +58,7 @@ class StatusPublisher:
         self._supervisor = supervisor
         self._health = health
         self._deferred, self._further, self._missing = deferred, further, missing
-        self._conversions = ConversionPublisher(node, supervisor, health)
+        self._conversions = ConversionPublisher(node, supervisor, health, prefix)
         self._metrics = MetricsPublisher(node, supervisor.mechanism, prefix)
         self._names = status_name(node, 'status'), '/'.join(
             filter(None, (prefix, supervisor.mechanism.name))
@@ -87,6 +87,7 @@ class StatusPublisher:
         after a command, when most of the period is still ahead.
         """
         self._count(output)
+        self._conversions.observe(output)
         changed = (output.state, output.failures, output.parking) != self._published
         if changed and (output.state is not State.WAITING or monotonic() >= self._discovered):
             self._deferred.add(self._publish_change)

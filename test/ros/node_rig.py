@@ -199,9 +199,11 @@ class Probe:
     def pause(self, paused: bool) -> SetBool.Response:
         return self.call(SetBool, 'fault_tolerance/pause', SetBool.Request(data=paused))
 
-    def set_parameter(self, node: str, name: str, value: str | float) -> Any:
+    def set_parameter(self, node: str, name: str, value: str | float | bool) -> Any:
         """Return the result of setting a parameter."""
-        if isinstance(value, str):
+        if isinstance(value, bool):
+            wanted = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
+        elif isinstance(value, str):
             wanted = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
         else:
             wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)

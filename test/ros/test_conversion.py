@@ -72,6 +72,17 @@ def test_it_is_braked_and_goes_on(machine, probe):
                'the end of a park move')
     assert 'parking' in controller.output
     assert probe.state == 'stopped'
+    faults.publish(String(data='ok all'))
+    probe.wait(lambda: probe.clear() is None or probe.state == 'nominal', 'a repair')
+    probe.wait_for_state('nominal')
+    # Once more, and nobody reports that the brake has closed: the readings show it.
+    assert probe.set_parameter('fsm', 'brakes_report', False).successful
+    assert probe.set_parameter('fsm', 'brake_time', 0.1).successful
+    faults.publish(String(data='torque theta_2'))
+    probe.wait_for_state('stopped')
+    probe.wait_for_state('degraded')
+    text = 'conversion: readings show that the brake of theta_2 holds'
+    assert controller.output.count(text) == 1
 
 
 def test_a_brake_that_does_not_confirm_leaves_the_stop_in_force(machine, probe):

@@ -1,0 +1,142 @@
+# Copyright 2026 The fault_tolerance developers
+# SPDX-License-Identifier: Apache-2.0
+"""Readings that show that a brake holds a limp drive, and all that look like it."""
+
+import numpy as np
+import pytest
+from core.control.test_converter import braked, report
+from core.detection.detection_cases import ENGINES
+
+from fault_tolerance.control.brake_evidence import BrakeEvidence
+from fault_tolerance.control.pointing import PointingLoop
+from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.state_machine import State
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.simulation.engines import plant_named
+from fault_tolerance.simulation.faults import fault_command
+from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.reference import Circle
+
+MIRROR = braked()
+PERIOD = 0.01
+
+
+def shown_after(course, noise=1e-8, seconds=2.0, asked=0.02, seed=0):
+    """Return when a drive whose readings follow ``course`` is shown to be held; None: never."""
+    rng = np.random.default_rng(seed)
+    evidence = BrakeEvidence(MIRROR.actuators[1], MIRROR.characteristic_length)
+    for now in np.arange(0.0, seconds, PERIOD):
+        evidence.add(now, course(now) + noise * rng.standard_normal())
+        if evidence.shows_a_stop(asked):
+            return now
+    return None
+
+
+@pytest.mark.parametrize('closing', [0.05, 0.1, 0.2])
+@pytest.mark.parametrize('noise', [0.0, 1e-8, 5e-8])
+def test_a_load_moves_it_and_a_brake_ends_that(closing, noise):
+    for course in (lambda t: 3e-4 * min(t, closing), lambda t: -5e-3 * min(t, closing) ** 2):
+        found = shown_after(course, noise)
+        assert 0.3 <= found - closing <= max(0.3, 3.0 * closing) + 0.02
+
+
+def ending(way, time):
+    """Return how a limp drive moves by 30 um that comes to rest without a brake."""
+    return {
+        'spring': lambda t: 3e-5 * (1.0 - np.exp(-t / time)),
+        'damped spring': lambda t: 3e-5 * (1.0 - (1.0 + t / time) * np.exp(-t / time)),
+        'friction': lambda t: 3e-5 * (1.0 - max(1.0 - t / time, 0.0) ** 2),
+        'swinging': lambda t: 3e-5 * np.sin(t / time),
+        'swinging to rest': lambda t: 3e-5 * (1.0 - np.cos(t / time) * np.exp(-0.3 * t / time)),
+        'falling on': lambda t: 3e-5 * t / time,
+        'standing': lambda t: 0.0,
+        # Down to the end of the stroke, 0.6 mm away.
+        'at its end': lambda t: 0.57e-3 + 3e-5 * min(t / time, 1.0),
+        # Before the brake was asked for.
+        'too early': lambda t: 3e-5 * min(t / time, 0.01 / time),
+        'from one reading to the next': lambda t: 3e-5 * (t > 0.02),
+    }[way]
+
+
+@pytest.mark.parametrize('noise', [0.0, 1e-7])
+@pytest.mark.parametrize('way', [
+    'spring', 'damped spring', 'friction', 'swinging', 'swinging to rest', 'falling on',
+    'standing', 'at its end', 'too early', 'from one reading to the next',
+])
+def test_what_comes_to_rest_by_itself_is_not_held(way, noise):
+    for time in (0.005, 0.02, 0.06, 0.2, 1.0):
+        assert shown_after(ending(way, time), noise, seed=round(1e3 * time)) is None
+
+
+def test_noise_alone_shows_nothing():
+    assert all(shown_after(lambda _: 0.0, 1e-6, seed=seed) is None for seed in range(20))
+
+
+class Braked:
+    """The three-strut mirror, whose brakes close after a while and report nothing."""
+
+    def __init__(self, engine, holds=True):
+        self.plant = plant_named(engine, MIRROR, PlantSettings(), 1)
+        self.supervisor = Supervisor(MIRROR, Settings(convert='act'))
+        self.holds, self.closes, self.now = holds, np.inf, 0.0
+        self.notices = []
+
+    def run(self, seconds):
+        supervisor, converter = self.supervisor, self.supervisor.converter
+        for _ in range(round(seconds / PERIOD)):
+            self.now += PERIOD
+            if self.now >= self.closes and self.holds:
+                self.closes = np.inf
+                self.plant.apply(fault_command(MIRROR, 'silent stuck theta_2'))
+            seen = self.plant.step(PERIOD)
+            angle, rate = (of(self.now) for of in (Circle(5e-4).angle, Circle(5e-4).rate))
+            twist = PointingLoop().velocity(seen.pose, MIRROR.origin, angle, rate)
+            supervisor.task_velocity(twist[MIRROR.task.rows], self.now)
+            supervisor.joint_reading(seen.measured_values, self.now)
+            output = supervisor.step(self.now)
+            shown = converter.observe(output, self.now)
+            if shown and supervisor.reports([shown], self.now):
+                output = supervisor.step(self.now)
+            self.plant.command(output.rates)
+            if converter.consider(output, self.now) and converter.engaged:
+                self.closes = self.now + 0.08
+            self.notices.append(converter.overdue(self.now))
+        return output
+
+    def fail(self):
+        self.plant.apply(fault_command(MIRROR, 'silent free theta_2'))
+        assert report(self.supervisor, 'torque', 'theta_2', self.now).state is State.STOPPED
+
+
+@pytest.mark.parametrize('engine', ENGINES)
+@pytest.mark.parametrize('holds', [True, False])
+def test_a_mirror_whose_brakes_report_nothing(engine, holds):
+    if engine == 'mujoco':
+        pytest.importorskip('mujoco')
+    machine = Braked(engine, holds)
+    assert machine.run(0.3).state is State.NOMINAL
+    machine.fail()
+    output = machine.run(0.8)
+    assert output.state is (State.DEGRADED if holds else State.STOPPED)
+    if holds:
+        assert output.failures.stuck == ('theta_2',) and not output.failures.free
+        # It gives way after all, and is not believed again.
+        machine.plant.apply(fault_command(MIRROR, 'silent free theta_2'))
+        assert machine.run(0.4).state is State.STOPPED
+        machine.plant.apply(fault_command(MIRROR, 'silent stuck theta_2'))
+        assert machine.run(0.5).state is State.STOPPED
+    assert not any(machine.notices)
+
+
+def test_what_has_not_moved_cannot_be_told():
+    supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
+    converter = supervisor.converter
+    supervisor.joint_reading(np.zeros(3), 0.0)
+    supervisor.step(0.0)
+    converter.consider(report(supervisor, 'torque', 'theta_2', 0.0), 0.0)
+    for now in np.arange(0.01, 0.99, 0.02):
+        supervisor.joint_reading(np.zeros(3), now)
+        assert converter.observe(supervisor.step(now), now) is None
+    assert converter.overdue(1.1).text == (
+        'brake or release not confirmed within 1 s: theta_2; theta_2 did not move before, so '
+        'readings do not tell')
