@@ -25,6 +25,8 @@ from fault_tolerance.machines.closure_files import closures_from_file
 from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
 from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
+from fault_tolerance.machines.sdf_reading import linkage_from_sdf
+from fault_tolerance.machines.sdf_writing import sdf_text
 from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.machines.urdf_writing import urdf_texts
 from fault_tolerance.mechanism.catalogue import gallery_names, mechanism_named, shipped_names
@@ -111,12 +113,14 @@ def test_universal_joints_stand_for_the_parallelograms_of_a_delta_robot(tmp_path
 @pytest.mark.parametrize('name', MACHINES)
 def test_the_gallery_goes_through_other_formats(tmp_path, name):
     mechanism = MACHINES[name]
-    paths = [tmp_path / f'machine.{ending}' for ending in ('xml', 'urdf', 'yaml')]
-    for path, text in zip(paths, (mjcf_text(mechanism), *urdf_texts(mechanism)), strict=True):
+    paths = [tmp_path / f'machine.{ending}' for ending in ('xml', 'urdf', 'yaml', 'sdf')]
+    texts = mjcf_text(mechanism), *urdf_texts(mechanism), sdf_text(mechanism)
+    for path, text in zip(paths, texts, strict=True):
         path.write_text(text)
     for found in (
         mechanism_of(linkage_from_mjcf(paths[0])),
         mechanism_of(linkage_from_urdf(paths[1], closures_from_file(paths[2]))),
+        mechanism_of(linkage_from_sdf(paths[3])),
         mechanism_from_text(mechanism_text(mechanism)),
     ):
         assert found.task == mechanism.task
