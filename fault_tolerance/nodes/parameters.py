@@ -162,13 +162,19 @@ def declared_values(
     if check is not None:
         check(values)
 
+    def as_meant(parameters: list[NodeParameter]) -> list[NodeParameter]:
+        return [
+            NodeParameter(one.name, value=known[one.name].understood(one.value))
+            if one.name in known else one for one in parameters
+        ]
+
     def on_set(parameters: list[NodeParameter]) -> SetParametersResult:
         mine = [one for one in parameters if one.name in known]
         wanted = {name: entry.checked(node.get_parameter(name).value)
                   for name, entry in known.items()}
         try:
             for one in mine:
-                value = known[one.name].checked(known[one.name].understood(one.value))
+                value = known[one.name].checked(one.value)
                 if known[one.name].fixed and value != wanted[one.name]:
                     raise ParameterError(one.name, known[one.name].fixed)
                 wanted[one.name] = value
@@ -178,6 +184,8 @@ def declared_values(
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    # Before rclpy compares types.
+    node.add_pre_set_parameters_callback(as_meant)
     node.add_on_set_parameters_callback(on_set)
     return values
 

@@ -86,7 +86,6 @@ class SilentFailures:
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
         self.monitor = Monitor(mechanism, settings)
-        self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
         self._acted: set[Suspicion] = set()
@@ -102,6 +101,22 @@ class SilentFailures:
                 PoseStamped, pose_topic, self._on_pose, qos_profile_sensor_data
             )
         node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def _listening(self) -> bool:
+        return self.monitor.settings.detect != 'off'
+
+    def go_on_with(self, settings: MonitorSettings) -> None:
+        """Have the ``settings`` count from now on; switched off or on, detection begins anew."""
+        if 'off' in {self.monitor.settings.detect, settings.detect}:
+            self._tell(success=False, text='detection is off')
+            self._supervisor.move_beside(None)
+            self.monitor = Monitor(self._mechanism, settings)
+        self.monitor.settings = settings
+
+    def forget(self) -> None:
+        """Drop what has been found: the failures have been cleared."""
+        self.monitor.forget()
 
     def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
         """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
@@ -149,8 +164,8 @@ class SilentFailures:
             if monitor.acts:
                 self._act(suspicion)
             self._publish()
-        if self._waiting and not monitor.probing:
-            self._tell()
+        if not monitor.probing:
+            self._tell(success=True, text=monitor.finding)
         self._supervisor.move_beside(monitor.rates)
 
     def _act(self, suspicion: Suspicion) -> None:
@@ -208,11 +223,11 @@ class SilentFailures:
         else:
             self._waiting.append((response, header))
 
-    def _tell(self) -> None:
+    def _tell(self, *, success: bool, text: str) -> None:
         """Answer those who wait for a probe."""
         waiting, self._waiting = self._waiting, []
         for response, header in waiting:
-            response.success, response.message = True, self.monitor.finding
+            response.success, response.message = success, text
             self._answer(response, header)
 
     def _publish(self) -> None:
