@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from rclpy.utilities import remove_ros_args
 
@@ -37,13 +38,20 @@ def exit_code(
     if {'-h', '--help'} & set(words):
         lines = '\n'.join(map(_line, table))
         first = purpose.strip().splitlines()[0]
-        print(_USAGE.format(purpose=first, program=f'fault_tolerance_{node}', parameters=lines))
+        print(_USAGE.format(purpose=first, program=_program(node), parameters=lines))
         return 0
     if words:
         hint = 'parameters go after --ros-args, as -p NAME:=VALUE; see --help'
         print(f'{node}: unknown argument {words[0]!r} ({hint})', file=sys.stderr)
         return BAD_SET_UP
     return None
+
+
+def _program(node: str) -> str:
+    """Return what was typed to start ``node``: after colcon, as a module, or after pip."""
+    ways = {node: f'ros2 run fault_tolerance {node}',
+            f'{node}.py': f'python -m fault_tolerance.nodes.{node}'}
+    return ways.get(Path(sys.argv[0]).name, f'fault_tolerance_{node}')
 
 
 def _line(parameter: Parameter) -> str:

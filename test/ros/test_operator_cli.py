@@ -76,7 +76,7 @@ def test_a_node_has_help_and_refuses_what_it_does_not_know(module):
 
     helped = node('--help', '--ros-args', '-p', 'mechanism:=fsm_4_strut')
     assert (helped.returncode, helped.stderr) == (0, '')
-    assert f'usage: fault_tolerance_{module} ' in helped.stdout
+    assert f'usage: python -m fault_tolerance.nodes.{module} ' in helped.stdout
     assert '  mechanism (default: mirror_4_strut)\n' in helped.stdout
     refused = node('--mechanism', 'fsm_4_strut')
     assert (refused.returncode, refused.stdout) == (2, '')
