@@ -6,10 +6,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-
-from rclpy.utilities import remove_ros_args
 
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.nodes.spinning import BAD_SET_UP
@@ -31,10 +29,7 @@ def exit_code(
     For a ``node`` with its ``purpose``, a docstring, and the ``table`` of its parameters; ``args``
     are its command line, by default that of the process.
     """
-    try:
-        words = remove_ros_args(sys.argv)[1:] if args is None else remove_ros_args(args)
-    except Exception:  # wrong ROS arguments: refused in so many words when ROS is initialised
-        return None
+    words = list(_own(sys.argv[1:] if args is None else args))
     if {'-h', '--help'} & set(words):
         lines = '\n'.join(map(_line, table))
         first = purpose.strip().splitlines()[0]
@@ -45,6 +40,20 @@ def exit_code(
         print(f'{node}: unknown argument {words[0]!r} ({hint})', file=sys.stderr)
         return BAD_SET_UP
     return None
+
+
+def _own(words: Sequence[str]) -> Iterator[str]:
+    """Yield those of ``words`` that are not for ROS.
+
+    NAME:=VALUE without --ros-args is for ROS too, as an old form of a remapping; whoever types it
+    means a parameter, as with ros2 launch.
+    """
+    ros = False
+    for word in words:
+        if word == '--ros-args' or (ros and word == '--'):
+            ros = not ros
+        elif not ros:
+            yield word
 
 
 def _program(node: str) -> str:
