@@ -50,8 +50,10 @@ def _own(words: Sequence[str]) -> Iterator[str]:
     """
     ros = False
     for word in words:
-        if word == '--ros-args' or (ros and word == '--'):
-            ros = not ros
+        if word == '--ros-args':
+            ros = True
+        elif ros and word == '--':
+            ros = False
         elif not ros:
             yield word
 
