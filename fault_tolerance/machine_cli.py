@@ -28,8 +28,8 @@ _LARGEST = 1e9
 def add_machine_commands(command: Command) -> None:
     """Add new, import and export by what makes a ``command``."""
     _add_new(command(_new, 'a mechanism file from a table or a few numbers'))
-    _add_import(command(_import, 'a mechanism file from MJCF or URDF'))
-    _add_export(command(_export, 'a mechanism as MJCF, URDF or a table'))
+    _add_import(command(_import, 'a mechanism file from MJCF, URDF or SDF'))
+    _add_export(command(_export, 'a mechanism as MJCF, URDF, SDF or a table'))
 
 
 def _new(chosen: argparse.Namespace) -> None:
@@ -114,10 +114,12 @@ def _add_result(parser: argparse.ArgumentParser) -> None:
 
 def _add_import(parser: argparse.ArgumentParser) -> None:
     """Add what reading another format needs to a ``parser``."""
-    parser.add_argument('file', type=Path, help='MJCF (.xml) or URDF (.urdf)')
-    parser.add_argument('--format', choices=('mjcf', 'urdf'), help='(default: as the file ends)')
+    parser.add_argument('file', type=Path, help='MJCF (.xml), URDF (.urdf) or SDF (.sdf)')
+    parser.add_argument('--format', choices=('mjcf', 'urdf', 'sdf'),
+                        help='(default: as the file ends)')
     parser.add_argument('--closures', type=Path, metavar='FILE.yaml',
-                        help='of a URDF (default: NAME.closures.yaml beside it, if there is one)')
+                        help='of a URDF (default: NAME.closures.yaml beside it), or what is'
+                             ' driven in an SDF')
     parser.add_argument('--platform', default='', metavar='BODY',
                         help='(default: the body that most closures hold)')
     _add_result(parser)
@@ -126,7 +128,7 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
 def _add_export(parser: argparse.ArgumentParser) -> None:
     """Add what writing another format needs to a ``parser``."""
     parser.add_argument('mechanism', help='a shipped mechanism or a file')
-    parser.add_argument('--format', choices=('mjcf', 'urdf', 'table'), required=True)
+    parser.add_argument('--format', choices=('mjcf', 'urdf', 'sdf', 'table'), required=True)
     parser.add_argument('--units', type=_units, default=Units(), metavar='mm,deg',
                         help='of a table (default: m,rad)')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='(default: printed)')

@@ -30,6 +30,8 @@ from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
 from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
 from fault_tolerance.machines.presets import HexapodSize, delta, hexapod_legs
+from fault_tolerance.machines.sdf_reading import linkage_from_sdf
+from fault_tolerance.machines.sdf_writing import sdf_text
 from fault_tolerance.machines.units import Units, require_plausible
 from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.machines.urdf_writing import urdf_texts
@@ -199,22 +201,24 @@ rehearsal, each in a terminal of its own (docs/adapting.md):
 
 
 def import_machine(chosen: argparse.Namespace) -> None:
-    """Write a mechanism file from the MJCF or URDF file ``chosen``.
+    """Write a mechanism file from the MJCF, URDF or SDF file ``chosen``.
 
     FaultToleranceError if nothing says which of them it is.
     """
     path: Path = chosen.file
-    kind = chosen.format or {'.urdf': 'urdf', '.xml': 'mjcf', '.mjcf': 'mjcf'}.get(path.suffix)
+    kinds = {'.urdf': 'urdf', '.xml': 'mjcf', '.mjcf': 'mjcf', '.sdf': 'sdf'}
+    kind = chosen.format or kinds.get(path.suffix)
     if kind is None:
-        raise FaultToleranceError(f'{path}: --format mjcf or urdf?')
+        raise FaultToleranceError(f'{path}: --format mjcf, urdf or sdf?')
     if kind == 'mjcf':
         if chosen.closures:
-            raise FaultToleranceError('--closures is for URDF: MJCF has its own')
+            raise FaultToleranceError('--closures is for URDF and SDF: MJCF says it all itself')
         linkage = linkage_from_mjcf(path)
     else:
         beside = path.with_suffix('.closures.yaml')
-        file = chosen.closures or (beside if beside.exists() else None)
-        linkage = linkage_from_urdf(path, closures_from_file(file) if file else None)
+        file = chosen.closures or (beside if kind == 'urdf' and beside.exists() else None)
+        reader = linkage_from_urdf if kind == 'urdf' else linkage_from_sdf
+        linkage = reader(path, closures_from_file(file) if file else None)
     mechanism = mechanism_of(linkage, chosen.platform)
     write_mechanism(mechanism, f'Imported from {path.name} ({kind.upper()}).', chosen)
 
@@ -228,6 +232,8 @@ def export_machine(chosen: argparse.Namespace) -> None:
     texts: dict[Path | None, str] = {}
     if chosen.format == 'mjcf':
         texts[chosen.output] = mjcf_text(mechanism)
+    elif chosen.format == 'sdf':
+        texts[chosen.output] = sdf_text(mechanism)
     elif chosen.format == 'table':
         back = _way_back(mechanism, chosen.units)
         texts[chosen.output] = leg_table(legs_of(mechanism), chosen.units, back)

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controller of a real machine; on request its drives' reports, and a reference to follow."""
+"""The controller of a machine; on request its drives' reports, a reference, or a simulator."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ ARGUMENTS = (
     ('respawn', 'true', 'start a node that has died again, after a second'),
     ('rules', '', 'of the node drive_reports: a profile or a file; empty: without that node'),
     ('pointing', 'false', 'follow a reference as well'),
-    ('pose_topic', 'fault_tolerance/platform_pose', 'where the reference node learns the pose'),
+    ('pose_topic', 'fault_tolerance/platform_pose',
+     'where the reference node learns the pose; empty: that of the parameter files'),
+    ('simulator', 'false', 'simulate the machine as well, as fsm.launch.py does'),
+    ('engine', '', 'elastic or mujoco simulates it; empty: that of the parameter files'),
 )
 BAD_SET_UP = 2
 """Exit code of a node that cannot start: another attempt would be in vain."""
@@ -51,6 +54,10 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         ('controller', 'fault_tolerance',
          [str(CONFIG / 'controller.yaml'), *resets, *files, given]),
     ]
+    if _is_true(chosen['simulator']):
+        engine = {'engine': chosen['engine']} if chosen['engine'] else {}
+        shipped = str(CONFIG / 'fsm.yaml')
+        wanted.append(('fsm_simulator', 'fsm', [shipped, *files, {**given, **engine}]))
     if chosen['rules']:
         executable = Path(get_package_prefix(PACKAGE), 'lib', PACKAGE, 'drive_reports')
         if not executable.exists():
@@ -58,7 +65,8 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         rules = {**given, 'rules': chosen['rules']}
         wanted.append(('drive_reports', 'drive_reports', [*files, rules]))
     if _is_true(chosen['pointing']):
-        pointing = {**given, 'pose_topic': chosen['pose_topic']}
+        pose = {'pose_topic': chosen['pose_topic']} if chosen['pose_topic'] else {}
+        pointing = {**given, **pose}
         shipped = str(CONFIG / 'pointing.yaml')
         wanted.append(('pointing_reference', 'pointing', [shipped, *files, pointing]))
     return [
@@ -73,16 +81,20 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             output='screen',
             respawn=_is_true(chosen['respawn']),
             respawn_delay=1.0,
-            on_exit=OpaqueFunction(function=_ended, args=[executable]),
+            on_exit=OpaqueFunction(
+                function=_ended, args=[executable, _is_true(chosen['respawn'])]),
         )
         for executable, name, parameters in wanted
     ]
 
 
-def _ended(context: LaunchContext, executable: str) -> None:
-    """End the launch with an error code where a node cannot start."""
-    if context.locals.event.returncode == BAD_SET_UP:
+def _ended(context: LaunchContext, executable: str, respawns: bool) -> None:
+    """End the launch with an error code where a node cannot start, or is not started again."""
+    code = context.locals.event.returncode
+    if code == BAD_SET_UP:
         raise RuntimeError(f'{executable} cannot start, see above')
+    if code > 0 and not respawns:
+        raise RuntimeError(f'{executable} ended with exit code {code}')
 
 
 def _is_true(word: str) -> bool:

@@ -31,6 +31,7 @@ POINTING_ERROR = 'pointing/error'
 POINTING_REFERENCE = 'pointing/reference'
 PHASE = 'operator/phase'
 DIAGNOSTICS = '/diagnostics'
+ROSOUT = '/rosout'
 
 PROBE = 'probe'
 """The frame of joint commands that contain a probe."""
@@ -58,6 +59,7 @@ RECORDED = {
     POINTING_REFERENCE: 'geometry_msgs/msg/Vector3Stamped',
     PHASE: 'std_msgs/msg/String',
     DIAGNOSTICS: 'diagnostic_msgs/msg/DiagnosticArray',
+    ROSOUT: 'rcl_interfaces/msg/Log',
 }
 """Types by name; a name that does not begin with a slash is relative to the robot's namespace."""
 

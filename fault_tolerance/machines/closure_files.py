@@ -35,7 +35,7 @@ def closures_from_file(path: Path) -> Closures:
     except (OSError, UnicodeDecodeError) as error:
         raise MechanismError(str(path), '', f'cannot be read ({error})') from None
     top = parsed(text, str(path))
-    pairs = top.items('closed_loop')
+    pairs = top.items('closed_loop') if top.has('closed_loop') else []
     kinds = top.names('type') if top.has('type') else ('6d',) * len(pairs)
     if len(kinds) != len(pairs):
         raise top.error('type', f'has {len(kinds)} entries for {len(pairs)} closures')

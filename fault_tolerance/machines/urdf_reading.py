@@ -16,13 +16,10 @@ from scipy.spatial.transform import Rotation
 from fault_tolerance.errors import MechanismError
 from fault_tolerance.machines.closure_files import Closures
 from fault_tolerance.machines.linkages import CLOSED, Connection, Linkage, ball, usable_name
+from fault_tolerance.machines.xml_files import AXIS_KINDS, XmlFile
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.parts import Actuator, Joint, JointKind
 from fault_tolerance.mechanism.screws import exponential, rotation_vector
-
-_KINDS: dict[str, JointKind] = {
-    'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
-}
 
 
 def linkage_from_urdf(path: Path, closures: Closures | None = None) -> Linkage:
@@ -33,22 +30,15 @@ def linkage_from_urdf(path: Path, closures: Closures | None = None) -> Linkage:
     Driven are the joints that ``closures`` names, else those that have a transmission.
     MechanismError, with the element, for what cannot be read.
     """
-    source = str(path)
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError, ValueError) as error:
-        raise MechanismError(source, '', f'is no URDF that can be read ({error})') from None
-    if root.tag != 'robot':
-        raise MechanismError(source, '', f'its root is <{root.tag}>, not <robot>')
-    return _Robot(source, root, closures or Closures()).linkage()
+    return _Robot(XmlFile(path, 'URDF', 'robot'), closures or Closures()).linkage()
 
 
 class _Robot:
     """A robot while it is read: places are where the frames are at home."""
 
-    def __init__(self, source: str, root: ElementTree.Element, closures: Closures) -> None:
-        self._source, self._root, self._closures = source, root, closures
-        self._joints = root.findall('joint')
+    def __init__(self, file: XmlFile, closures: Closures) -> None:
+        self._file, self._closures = file, closures
+        self._joints = file.root.findall('joint')
         self._hanging: dict[str, list[tuple[str, str]]] = {}
         for joint in self._joints:
             ends = str(joint.get('name')), self._end(joint, 'child')
@@ -58,40 +48,41 @@ class _Robot:
         self._link_of: dict[str, str] = {}
 
     def linkage(self) -> Linkage:
-        links = [one.get('name', '') for one in self._root.findall('link')]
+        links = [one.get('name', '') for one in self._file.root.findall('link')]
         for joint in self._joints:
             for which in ('parent', 'child'):
                 if self._end(joint, which) not in links:
                     reason = f'there is no link {self._end(joint, which)!r}'
-                    raise self._error(f'joint {joint.get("name")}: {which}', reason)
+                    raise self._file.error(f'joint {joint.get("name")}: {which}', reason)
         children = {self._end(one, 'child') for one in self._joints}
         roots = [name for name in links if name not in children]
         if len(roots) != 1:
-            raise self._error('', f'has {len(roots)} links that hang on no joint, not one: '
+            raise self._file.error('', f'has {len(roots)} links that hang on no joint, not one: '
                                   f'{", ".join(roots) or "a ring of joints"}')
         self._close(roots[0])
-        driven = self._driven()
+        transmitted = [str(joint.get('name')) for one in self._file.root.iter('transmission')
+                       for joint in one.findall('joint')]
+        names = [str(one.get('name')) for one in self._joints]
+        driven = self._file.driven(
+            names, self._closures, transmitted, 'give them a <transmission>')
         connections = [one for joint in self._joints if (one := self._connection(joint, driven))]
         connections += [self._closure(number) for number in range(len(self._closures.frames))]
         places = {name: self._frames[name][:3, 3] for name in links if name in self._frames}
-        name = usable_name(self._root.get('name') or Path(self._source).stem)
+        name = usable_name(self._file.root.get('name') or Path(self._file.source).stem)
         order = tuple(usable_name(one) for one in driven)
-        return Linkage(self._source, name, roots[0], places, tuple(connections), order,
+        return Linkage(self._file.source, name, roots[0], places, tuple(connections), order,
                        self._closures.extras)
-
-    def _error(self, where: str, reason: str) -> MechanismError:
-        return MechanismError(self._source, where, reason)
 
     def _end(self, joint: ElementTree.Element, which: str) -> str:
         found = joint.find(which)
         if found is None or not found.get('link'):
-            raise self._error(f'joint {joint.get("name")}', f'has no {which} link')
+            raise self._file.error(f'joint {joint.get("name")}', f'has no {which} link')
         return str(found.get('link'))
 
     def _close(self, root: str) -> None:
         """Place everything, with the joint values next to zero at which the loops are closed."""
         self._offsets = {str(one.get('name')): self._offset(one) for one in self._joints}
-        moving = [one for one in self._joints if one.get('type') in _KINDS]
+        moving = [one for one in self._joints if one.get('type') in AXIS_KINDS]
         screws = {str(one.get('name')): _screw(one.get('type', ''), self._axis(one))
                   for one in moving}
         self._place(root, {})
@@ -132,7 +123,7 @@ class _Robot:
         for number, closure in enumerate(self._closures.frames):
             for name in closure[:2]:
                 if name not in self._link_of:
-                    reason = f'{name!r} is neither a link nor a joint of {self._source}'
+                    reason = f'{name!r} is neither a link nor a joint of {self._file.source}'
                     raise MechanismError(self._closures.source, f'closed_loop[{number}]', reason)
 
     def _place(self, link: str, steps: dict[str, FloatArray]) -> None:
@@ -159,33 +150,8 @@ class _Robot:
     def _numbers(
         self, joint: ElementTree.Element, part: ElementTree.Element, key: str, default: str
     ) -> FloatArray:
-        text = part.get(key, default)
-        try:
-            numbers = np.array([float(word) for word in text.split()])
-        except ValueError:
-            numbers = np.array([])
-        if numbers.shape != (len(default.split()),) or not np.isfinite(numbers).all():
-            raise self._error(f'joint {joint.get("name")}: {part.tag}', f'{key}={text!r}')
-        return numbers
-
-    def _driven(self) -> list[str]:
-        """Return the names of the driven joints, in order."""
-        names = [str(one.get('name')) for one in self._joints]
-        if self._closures.motors:
-            found = []
-            for word in self._closures.motors:
-                meant = [word] if word in names else [name for name in names if word in name]
-                if not meant:
-                    raise MechanismError(self._closures.source, 'name_mot', f'no joint {word!r}')
-                found += meant
-        else:
-            found = [str(joint.get('name')) for one in self._root.iter('transmission')
-                     for joint in one.findall('joint')]
-        if not found:
-            reason = ('no joint is driven: name them in the closures file (name_mot: [...]) or '
-                      'give them a <transmission>')
-            raise self._error('', reason)
-        return list(dict.fromkeys(found))
+        where = f'joint {joint.get("name")}: {part.tag} {key}'
+        return self._file.numbers(where, part.get(key, default), len(default.split()))
 
     def _connection(self, joint: ElementTree.Element, driven: list[str]) -> Connection | None:
         own, kind = str(joint.get('name')), joint.get('type', '')
@@ -194,19 +160,19 @@ class _Robot:
             return None
         if kind == 'fixed':
             return Connection(own, parent, child)
-        if kind not in _KINDS:
+        if kind not in AXIS_KINDS:
             reason = f'its type {kind!r} is not revolute, continuous, prismatic, fixed or floating'
-            raise self._error(f'joint {own}', reason)
+            raise self._file.error(f'joint {own}', reason)
         if joint.find('mimic') is not None:
-            raise self._error(f'joint {own}', 'mimics another: couplings are not struts')
+            raise self._file.error(f'joint {own}', 'mimics another: couplings are not struts')
         frame, axis = self._frames[child], self._axis(joint)
-        name, way, drive = usable_name(own), _KINDS[kind], None
+        name, way, drive = usable_name(own), AXIS_KINDS[kind], None
         try:
             if own in driven:
                 drive = self._drive(joint, name, way)
             axes = (Joint(name, way, frame[:3, :3] @ axis, frame[:3, 3], drive),)
         except MechanismError as error:
-            raise self._error(f'joint {own}: {error.key}', error.reason) from None
+            raise self._file.error(f'joint {own}: {error.key}', error.reason) from None
         return Connection(own, parent, child, axes)
 
     def _axis(self, joint: ElementTree.Element) -> FloatArray:
@@ -239,4 +205,4 @@ def _screw(kind: str, axis: FloatArray) -> FloatArray:
     """Return the twist (6,) of a joint of a URDF about, or along, its axis through the origin."""
     unit = axis / (np.linalg.norm(axis) or 1.0)
     parts = (unit, np.zeros(3))
-    return np.concatenate(parts if _KINDS[kind] == 'revolute' else parts[::-1])
+    return np.concatenate(parts if AXIS_KINDS[kind] == 'revolute' else parts[::-1])

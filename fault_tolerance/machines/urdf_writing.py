@@ -30,9 +30,7 @@ def urdf_texts(mechanism: Mechanism) -> tuple[str, str]:
 
     MechanismError if it is given by its Jacobian only.
     """
-    if not mechanism.struts:
-        reason = 'a mechanism given by its Jacobian only has no joints to write down'
-        raise MechanismError(mechanism.name, 'struts', reason)
+    require_struts(mechanism)
     root = ElementTree.Element('robot', name=mechanism.name)
     ElementTree.SubElement(root, 'link', name=_BASE)
     closures = []
@@ -53,6 +51,13 @@ def urdf_texts(mechanism: Mechanism) -> tuple[str, str]:
     return ElementTree.tostring(root, encoding='unicode') + '\n', _closures(mechanism, closures)
 
 
+def require_struts(mechanism: Mechanism) -> None:
+    """Raise MechanismError if ``mechanism`` is given by its Jacobian only."""
+    if not mechanism.struts:
+        reason = 'a mechanism given by its Jacobian only has no joints to write down'
+        raise MechanismError(mechanism.name, 'struts', reason)
+
+
 def _add_joint(
     root: ElementTree.Element, joint: Joint, link: str, at: FloatArray
 ) -> tuple[str, FloatArray]:
@@ -65,12 +70,12 @@ def _add_joint(
     name = drive.name if drive else joint.name
     kind = joint.kind if bounded or not turning else 'continuous'
     element = _connect(root, name, kind, link, f'{name}_link', place - at)
-    ElementTree.SubElement(element, 'axis', xyz=_text(joint.axis))
+    ElementTree.SubElement(element, 'axis', xyz=numbers_text(joint.axis))
     low, high = limits if bounded else (-_NO_LIMIT, _NO_LIMIT)
     speed = drive.velocity if drive and isfinite(drive.velocity) else _NO_LIMIT
-    limit = {'effort': _text([_NO_LIMIT]), 'velocity': _text([speed])}
+    limit = {'effort': numbers_text([_NO_LIMIT]), 'velocity': numbers_text([speed])}
     if kind != 'continuous':
-        limit |= {'lower': _text([low]), 'upper': _text([high])}
+        limit |= {'lower': numbers_text([low]), 'upper': numbers_text([high])}
     ElementTree.SubElement(element, 'limit', limit)
     return f'{name}_link', place
 
@@ -84,7 +89,7 @@ def _connect(
 ) -> ElementTree.Element:
     ElementTree.SubElement(root, 'link', name=child)
     element = ElementTree.SubElement(root, 'joint', name=name, type=kind)
-    ElementTree.SubElement(element, 'origin', xyz=_text(offset), rpy='0 0 0')
+    ElementTree.SubElement(element, 'origin', xyz=numbers_text(offset), rpy='0 0 0')
     ElementTree.SubElement(element, 'parent', link=parent)
     ElementTree.SubElement(element, 'child', link=child)
     return element
@@ -111,5 +116,6 @@ def _quoted(name: str) -> str:
     return f"'{doubled}'"
 
 
-def _text(numbers: FloatArray | list[float]) -> str:
+def numbers_text(numbers: FloatArray | list[float]) -> str:
+    """Return ``numbers`` as XML has them, with all their digits."""
     return ' '.join(repr(float(number) + 0.0) for number in numbers)

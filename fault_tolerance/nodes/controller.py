@@ -67,7 +67,7 @@ class Controller(Node):
             self, supervisor, frame, *shared, partial(self._cycle, answers=True),
             self._on_answered, self.deferred,
         )
-        live.keep(supervisor, self._silent.monitor)
+        live.keep(supervisor, self._silent)
         self._status = StatusPublisher(
             self, supervisor, prefix, self.deferred, self._health, self._silent.values,
             self._inputs.missing_joint_states,
@@ -77,7 +77,7 @@ class Controller(Node):
         )
         self._operator = OperatorServices(
             self, supervisor, *shared, live.values, self._on_operator_request,
-            self._silent.monitor.forget,
+            self._silent.forget,
         )
         self._stepped = self._excused = False
         self._ticked = timeline.now()

@@ -3,8 +3,8 @@
 
 """Whether the controller lives, for nodes beside it: by the liveliness that it offers.
 
-The middleware of the controller's process asserts it, without a message and without Python; it
-ends with the process, however that ends.
+A timer of the controller asserts it, without a message, in the executor that answers joint states.
+So it ends with the process, however that ends, and where a callback hangs.
 """
 
 from __future__ import annotations
@@ -12,26 +12,36 @@ from __future__ import annotations
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 
 from fault_tolerance.analysis import topics
 from fault_tolerance.control.failure_reports import ERROR, WARN
 
-LEASE = 0.4
+LEASE = 0.6
 """Seconds after which a controller that does not assert its liveliness is taken for dead."""
 
 ALIVE = QoSProfile(
-    depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL, liveliness=LivelinessPolicy.AUTOMATIC,
-    liveliness_lease_duration=Duration(seconds=LEASE),
+    depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    liveliness=LivelinessPolicy.MANUAL_BY_TOPIC, liveliness_lease_duration=Duration(seconds=LEASE),
 )
 """The quality of ``~/status``."""
 
 
+def living_publisher(node: Node) -> Publisher:
+    """Return the publisher of ``~/status``, alive while the ``node`` is spun."""
+    publisher = node.create_publisher(DiagnosticStatus, '~/status', ALIVE)
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    node.create_timer(LEASE / 6.0, publisher.assert_liveliness, clock=steady)
+    return publisher
+
+
 class Heartbeat:
-    """Notices when the controller in the namespace of ``node`` ends or dies.
+    """Notices when the controller in the namespace of ``node`` ends, dies or hangs.
 
     ``on_change`` is to be set to what is called then, and when it is back.
     """
@@ -54,7 +64,7 @@ class Heartbeat:
         if event.alive_count:
             self._gone = None
         elif event.not_alive_count_change > 0:
-            self._gone = ERROR, f'the controller {self._name} has died'
+            self._gone = ERROR, f'the controller {self._name} has died or hangs'
         elif event.alive_count_change < 0:
             self._gone = WARN, f'the controller {self._name} has ended'
         if self._gone != before:

@@ -13,10 +13,9 @@ from rclpy.parameter import Parameter
 
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
-from fault_tolerance.nodes.parameters import ParameterError, declared_values, settings_from
-from fault_tolerance.nodes.silent_failures import monitor_settings
+from fault_tolerance.nodes.parameters import declared_values, settings_from
+from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settings
 
 
 class LiveSettings:
@@ -24,34 +23,31 @@ class LiveSettings:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._detects: bool | None = None
-        self.values = declared_values(node, CONTROLLER, self._check)
-        self._detects = self.values['detect'] != 'off'
+        self.values = declared_values(node, CONTROLLER, _check)
 
     @property
     def settings(self) -> Settings:
         """Those of the supervisor."""
         return _settings(self.values)
 
-    def keep(self, supervisor: Supervisor, monitor: Monitor) -> None:
-        """Have ``supervisor`` and ``monitor`` go on with what is set from now on."""
+    def keep(self, supervisor: Supervisor, silent: SilentFailures) -> None:
+        """Have ``supervisor`` and ``silent`` failures go on with what is set from now on."""
 
         def have_set(parameters: list[Parameter]) -> None:
             mine = {one.name: one.value for one in parameters if one.name in self.values}
             if mine:
                 self.values |= mine
                 supervisor.go_on_with(self.settings)
-                monitor.settings = monitor_settings(self.values)
+                silent.go_on_with(monitor_settings(self.values))
                 words = ', '.join(f'{name} = {value}' for name, value in mine.items())
                 self._node.get_logger().info(f'parameters set: {words}')
 
         self._node.add_post_set_parameters_callback(have_set)
 
-    def _check(self, values: dict[str, Any]) -> None:
-        _settings(values)
-        monitor_settings(values)
-        if self._detects not in (None, values['detect'] != 'off'):
-            raise ParameterError('detect', 'off, or not, is decided when the node starts')
+
+def _check(values: dict[str, Any]) -> None:
+    _settings(values)
+    monitor_settings(values)
 
 
 def _settings(values: dict[str, Any]) -> Settings:

@@ -85,7 +85,12 @@ class Parameter:
         return descriptor
 
     def understood(self, value: object) -> object:
-        """Return ``value`` as it was meant: YAML reads the words on and off as true and false."""
+        """Return ``value`` as it was meant.
+
+        YAML reads the words on and off as true and false, and numbers without a point as integers.
+        """
+        if isinstance(self.default, float) and type(value) is int:
+            return float(value)
         word = {False: 'off', True: 'on'}.get(value, '') if isinstance(value, bool) else ''
         return word if word in self.choices else value
 
@@ -97,8 +102,7 @@ class Parameter:
         if isinstance(self.default, tuple):
             return self._checked_numbers(value)
         if type(value) is not type(self.default):
-            hint = ' (write 1.0 for 1)' if isinstance(self.default, float) else ''
-            self._refuse(f'{value!r} is not of type {type(self.default).__name__}{hint}')
+            self._refuse(f'{value!r} is not of type {type(self.default).__name__}')
         if self.choices and value not in self.choices:
             self._refuse(f'{value!r} is not one of {", ".join(self.choices)}')
         if isinstance(value, (int, float)):
@@ -162,13 +166,19 @@ def declared_values(
     if check is not None:
         check(values)
 
+    def as_meant(parameters: list[NodeParameter]) -> list[NodeParameter]:
+        return [
+            NodeParameter(one.name, value=known[one.name].understood(one.value))
+            if one.name in known else one for one in parameters
+        ]
+
     def on_set(parameters: list[NodeParameter]) -> SetParametersResult:
         mine = [one for one in parameters if one.name in known]
         wanted = {name: entry.checked(node.get_parameter(name).value)
                   for name, entry in known.items()}
         try:
             for one in mine:
-                value = known[one.name].checked(known[one.name].understood(one.value))
+                value = known[one.name].checked(one.value)
                 if known[one.name].fixed and value != wanted[one.name]:
                     raise ParameterError(one.name, known[one.name].fixed)
                 wanted[one.name] = value
@@ -178,6 +188,8 @@ def declared_values(
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    # Before rclpy compares types.
+    node.add_pre_set_parameters_callback(as_meant)
     node.add_on_set_parameters_callback(on_set)
     return values
 

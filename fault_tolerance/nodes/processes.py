@@ -34,7 +34,8 @@ class NodeProcesses:
         """Start them."""
         for module, values in self._parameters.items():
             command = [sys.executable, '-m', f'fault_tolerance.nodes.{module}', '--ros-args']
-            command += ['--log-level', 'error', *self._remapping]
+            # The terminal is the parent's; what they say is on /rosout.
+            command += ['--disable-stdout-logs', *self._remapping]
             for name, value in values.items():
                 text = str(value).lower() if isinstance(value, bool) else str(value)
                 command += ['-p', f'{name}:={text}']

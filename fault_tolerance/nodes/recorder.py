@@ -30,6 +30,7 @@ _PROFILES = {
     topics.STATE: _LATCHED,
     topics.STATUS: _LATCHED,
     topics.PHASE: _LATCHED,
+    topics.ROSOUT: _LATCHED,
 }
 
 

@@ -86,7 +86,6 @@ class SilentFailures:
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
         self.monitor = Monitor(mechanism, settings)
-        self._listening = settings.detect != 'off'
         self._pose: FloatArray | None = None
         self._failures = FailureSet()
         self._acted: set[Suspicion] = set()
@@ -98,6 +97,22 @@ class SilentFailures:
                 PoseStamped, pose_topic, self._on_pose, qos_profile_sensor_data
             )
         node.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def _listening(self) -> bool:
+        return self.monitor.settings.detect != 'off'
+
+    def go_on_with(self, settings: MonitorSettings) -> None:
+        """Have the ``settings`` count from now on; switched off or on, detection begins anew."""
+        if 'off' in {self.monitor.settings.detect, settings.detect}:
+            self._service.answer(False, 'detection is off')
+            self._supervisor.move_beside(None)
+            self.monitor = Monitor(self._mechanism, settings)
+        self.monitor.settings = settings
+
+    def forget(self) -> None:
+        """Drop what has been found: the failures have been cleared."""
+        self.monitor.forget()
 
     def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
         """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.

@@ -21,7 +21,7 @@ from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.conversion_publisher import ConversionPublisher
 from fault_tolerance.nodes.health import Health
-from fault_tolerance.nodes.heartbeat import ALIVE
+from fault_tolerance.nodes.heartbeat import living_publisher
 from fault_tolerance.nodes.messages import status_name, status_to_msg
 from fault_tolerance.nodes.metrics_publisher import MetricsPublisher
 from fault_tolerance.nodes.spinning import Deferred
@@ -65,7 +65,7 @@ class StatusPublisher:
         )
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._state = node.create_publisher(String, '~/state', latched)
-        self._status = node.create_publisher(DiagnosticStatus, '~/status', ALIVE)
+        self._status = living_publisher(node)
         self._published: tuple[object, ...] = ()
         self._counted = supervisor.output
         self._told: DiagnosticStatus | None = None

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-
-from rclpy.utilities import remove_ros_args
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.nodes.spinning import BAD_SET_UP
@@ -30,20 +29,40 @@ def exit_code(
     For a ``node`` with its ``purpose``, a docstring, and the ``table`` of its parameters; ``args``
     are its command line, by default that of the process.
     """
-    try:
-        words = remove_ros_args(sys.argv)[1:] if args is None else remove_ros_args(args)
-    except Exception:  # wrong ROS arguments: refused in so many words when ROS is initialised
-        return None
+    words = list(_own(sys.argv[1:] if args is None else args))
     if {'-h', '--help'} & set(words):
         lines = '\n'.join(map(_line, table))
         first = purpose.strip().splitlines()[0]
-        print(_USAGE.format(purpose=first, program=f'fault_tolerance_{node}', parameters=lines))
+        print(_USAGE.format(purpose=first, program=_program(node), parameters=lines))
         return 0
     if words:
         hint = 'parameters go after --ros-args, as -p NAME:=VALUE; see --help'
         print(f'{node}: unknown argument {words[0]!r} ({hint})', file=sys.stderr)
         return BAD_SET_UP
     return None
+
+
+def _own(words: Sequence[str]) -> Iterator[str]:
+    """Yield those of ``words`` that are not for ROS.
+
+    NAME:=VALUE without --ros-args is for ROS too, as an old form of a remapping; whoever types it
+    means a parameter, as with ros2 launch.
+    """
+    ros = False
+    for word in words:
+        if word == '--ros-args':
+            ros = True
+        elif ros and word == '--':
+            ros = False
+        elif not ros:
+            yield word
+
+
+def _program(node: str) -> str:
+    """Return what was typed to start ``node``: after colcon, as a module, or after pip."""
+    ways = {node: f'ros2 run fault_tolerance {node}',
+            f'{node}.py': f'python -m fault_tolerance.nodes.{node}'}
+    return ways.get(Path(sys.argv[0]).name, f'fault_tolerance_{node}')
 
 
 def _line(parameter: Parameter) -> str:

@@ -38,7 +38,7 @@ def entities(file: Path, **given: str):
     for argument in description.get_launch_arguments():
         argument.execute(context)
     context.launch_configurations.update(given)
-    return description.entities[-1].execute(context)
+    return description.entities[-1].visit(context) or []
 
 
 class Launched:

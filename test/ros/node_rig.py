@@ -20,9 +20,9 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import TwistStamped, Vector3Stamped
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -201,13 +201,8 @@ class Probe:
 
     def set_parameter(self, node: str, name: str, value: str | float | bool) -> Any:
         """Return the result of setting a parameter."""
-        if isinstance(value, bool):
-            wanted = ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
-        elif isinstance(value, str):
-            wanted = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
-        else:
-            wanted = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
-        request = SetParameters.Request(parameters=[Parameter(name=name, value=wanted)])
+        wanted = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[wanted])
         return self.call(SetParameters, f'{node}/set_parameters', request).results[0]
 
     def parameter(self, node: str, name: str) -> str:

@@ -236,6 +236,7 @@ def test_what_is_recorded_is_what_is_published():
         'fsm/inject_fault': 'std_msgs/msg/String',
         'operator/phase': 'std_msgs/msg/String',
         '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+        '/rosout': 'rcl_interfaces/msg/Log',
         # Of a mechanism that has brakes, or struts that can be released.
         'fault_tolerance/brake_commands': 'std_msgs/msg/Float64MultiArray',
         'fault_tolerance/release_commands': 'std_msgs/msg/Float64MultiArray',

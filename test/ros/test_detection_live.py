@@ -136,11 +136,19 @@ def test_a_probe_is_refused_with_the_reason(start, probe):
     assert 'does not move' in machine.probed().message
 
 
-def test_switched_off_it_says_nothing(start, probe):
+def test_switched_off_it_says_nothing_until_it_is_switched_on(start, probe):
     # As it is typed: YAML reads the word as false.
     machine = Machine(start, probe, 'off')
     machine.inject('silent stuck theta_4')
-    probe.spin(1.0)
+    probe.spin(0.5)
+    assert not machine.suspicions
+    assert machine.probed().message == 'detection is off'
+    assert probe.set_parameter('fault_tolerance', 'detect', 'advise').successful
+    assert machine.wait_for_suspicion().hardware_id == 'theta_4'
+    # As `ros2 param set` sends the word.
+    assert probe.set_parameter('fault_tolerance', 'detect', False).successful
+    machine.diagnostics.clear()
+    probe.spin(1.2)
     assert not machine.suspicions
     assert machine.probed().message == 'detection is off'
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
-"""When the controller dies, those beside it say so within a second."""
+"""When the controller dies or hangs, those beside it say so within a second."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import signal
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from fault_tolerance.nodes.heartbeat import ALIVE
 
 
 def test_a_controller_that_has_died_is_told_of_by_the_others(start, probe):
@@ -32,7 +34,7 @@ def test_a_controller_that_has_died_is_told_of_by_the_others(start, probe):
     probe.spin(2.0)
     controller.signal(signal.SIGKILL)
     died = time.monotonic()
-    dead = 'the controller /fault_tolerance has died'
+    dead = 'the controller /fault_tolerance has died or hangs'
     probe.wait(lambda: told(dead, DiagnosticStatus.ERROR), dead)
     assert time.monotonic() - died < 1.0
 
@@ -42,3 +44,8 @@ def test_a_controller_that_has_died_is_told_of_by_the_others(start, probe):
     again.signal(signal.SIGINT)
     ended = 'the controller /fault_tolerance has ended'
     probe.wait(lambda: told(ended, DiagnosticStatus.WARN), ended)
+
+    # One whose process lives, but not its executor.
+    hung = probe.node.create_publisher(DiagnosticStatus, '/fault_tolerance/status', ALIVE)
+    probe.wait(lambda: hung.assert_liveliness() or told('', DiagnosticStatus.OK), 'life')
+    probe.wait(lambda: told(dead, DiagnosticStatus.ERROR), dead)

@@ -28,8 +28,9 @@ while the machine or the middleware stalls, what is seen says little. One whole 
 def check_recording(folder):
     """Both passes are in it, whole, the second one under its own name."""
     count = Counter(sample.topic for sample in read_samples(folder / 'run.mcap'))
+    assert count['/diagnostics'] and count['/rosout']
     for topic in RECORDED:
-        if topic not in ('/diagnostics', BRAKE_COMMANDS, RELEASE_COMMANDS):
+        if topic not in ('/diagnostics', '/rosout', BRAKE_COMMANDS, RELEASE_COMMANDS):
             assert count[f'/{topic}'], topic
             # What needs detection, or a report, is not known without, and so not published.
             unknown = topic.endswith(('/internal_force', '/time_since_report'))

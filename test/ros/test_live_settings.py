@@ -44,6 +44,8 @@ def test_what_is_set_holds_from_the_next_step_on(probe, plant):
     probe.spin(0.05)
     assert probe.clear().success
     plant.reach('nominal')
+    # A number without a point, as it is typed.
+    assert probe.set_parameter('fault_tolerance', 'stroke_gain', 5).successful
     # With auto_clear a failure goes when its source says so.
     plant.report('position', 'theta_4')
     plant.reach('degraded')
@@ -68,7 +70,6 @@ def test_a_timeout_counts_for_what_comes_next(probe, plant):
     ({'mechanism': 'fsm_3_strut'}, 'parameter mechanism: the node is built with it'),
     ({'stroke_gain': 5.0, 'pose_topic': 'x'}, 'parameter pose_topic: the node is built with it'),
     ({'recovery': False}, 'parameter recovery: a comparison is with the same from the start on'),
-    ({'detect': 'off'}, 'parameter detect: off, or not, is decided when the node starts'),
     ({'command_delay': 0.01}, 'parameter command_delay: the evidence gathered so far'),
 ])
 def test_what_is_refused_says_why_and_changes_nothing(probe, plant, values, reason):

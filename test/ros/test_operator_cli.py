@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+from fault_tolerance.nodes.parameter_tables import POINTING
+from fault_tolerance.nodes.usage import exit_code
+
 
 def command(*words):
     return subprocess.run(
@@ -76,8 +79,15 @@ def test_a_node_has_help_and_refuses_what_it_does_not_know(module):
 
     helped = node('--help', '--ros-args', '-p', 'mechanism:=fsm_4_strut')
     assert (helped.returncode, helped.stderr) == (0, '')
-    assert f'usage: fault_tolerance_{module} ' in helped.stdout
+    assert f'usage: python -m fault_tolerance.nodes.{module} ' in helped.stdout
     assert '  mechanism (default: mirror_4_strut)\n' in helped.stdout
-    refused = node('--mechanism', 'fsm_4_strut')
+    # As ros2 launch has it; rcl would take it for a remapping.
+    refused = node('mechanism:=fsm_4_strut', '--ros-args', '--log-level', 'warn', '--')
     assert (refused.returncode, refused.stdout) == (2, '')
-    assert refused.stderr.count('\n') == 1 and "unknown argument '--mechanism'" in refused.stderr
+    assert refused.stderr.count('\n') == 1 and "argument 'mechanism:=fsm" in refused.stderr
+
+
+def test_what_launch_adds_is_for_ros():
+    words = ['--ros-args', '--log-level', 'info', '--ros-args', '-r', '__node:=x', '--']
+    assert exit_code('pointing_reference', 'Points.', POINTING, words) is None
+    assert exit_code('pointing_reference', 'Points.', POINTING, [*words, 'x']) == 2

@@ -62,7 +62,8 @@ def taken(ros):
     for topic, kind in RECORDED.items():
         sensor = topic in ('joint_states', 'fsm/mirror_pose', 'fsm/mirror_velocity')
         profile = qos_profile_sensor_data if sensor else QoSProfile(depth=10)
-        if topic in ('fault_tolerance/state', 'fault_tolerance/status', 'operator/phase'):
+        if topic in ('fault_tolerance/state', 'fault_tolerance/status', 'operator/phase',
+                     '/rosout'):
             profile = LATCHED
         publisher = node.create_publisher(message_class(kind), topic, profile)
         probe.wait(publisher.get_subscription_count, topic)

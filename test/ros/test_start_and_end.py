@@ -21,7 +21,7 @@ MODULES = {
     'pointing_reference': 'pointing',
 }
 BAD = [
-    ('controller', {'joint_state_timeout': 1}, 'joint_state_timeout'),
+    ('controller', {'joint_state_timeout': 'soon'}, 'joint_state_timeout'),
     ('controller', {'joint_state_timeout': -1.0}, 'joint_state_timeout'),
     ('controller', {'tolerance_threshold': '.nan'}, 'tolerance_threshold'),
     ('controller', {'unknown_mode': 'panic'}, 'unknown_mode'),
@@ -31,7 +31,7 @@ BAD = [
     ('drive_reports', {'rules': 'no_such_rules'}, 'no_such_rules'),
     ('drive_reports', {'rules': 5}, 'rules'),
     ('drive_reports', {'mechanism': 'no_such_mirror'}, 'no_such_mirror'),
-    ('fsm_simulator', {'rate': 100}, 'rate'),
+    ('fsm_simulator', {'rate': 'fast'}, 'rate'),
     ('fsm_simulator', {'engine': 'steam'}, 'engine'),
     ('fsm_simulator', {'disturbance': '[1.0, 2.0]'}, 'disturbance'),
     ('fsm_simulator', {'encoders': 'both'}, 'encoders'),

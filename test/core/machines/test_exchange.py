@@ -1,6 +1,6 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
-"""Mechanisms written as MJCF, URDF or a table, and read again."""
+"""Mechanisms written as MJCF, URDF, SDF or a table, and read again."""
 
 import re
 
@@ -14,6 +14,8 @@ from fault_tolerance.machines.closure_files import closures_from_file
 from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mechanism_text import mechanism_text
 from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
+from fault_tolerance.machines.sdf_reading import linkage_from_sdf
+from fault_tolerance.machines.sdf_writing import sdf_text
 from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.machines.urdf_writing import urdf_texts
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
@@ -40,7 +42,13 @@ def through_urdf(mechanism, folder):
     return mechanism_of(linkage_from_urdf(path, closures_from_file(beside)))
 
 
-WAYS = {'mjcf': through_mjcf, 'urdf': through_urdf}
+def through_sdf(mechanism, folder):
+    path = folder / 'machine.sdf'
+    path.write_text(sdf_text(mechanism))
+    return mechanism_of(linkage_from_sdf(path))
+
+
+WAYS = {'mjcf': through_mjcf, 'urdf': through_urdf, 'sdf': through_sdf}
 
 
 def assert_same(found, mechanism, at=None, tolerance=1e-12):

@@ -11,9 +11,11 @@ from core.machines.closures import assert_as_mujoco
 
 from fault_tolerance.cli import main
 from fault_tolerance.errors import MechanismError
+from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.machines.closure_files import closures_from_file
 from fault_tolerance.machines.linkages import mechanism_of
 from fault_tolerance.machines.mjcf_reading import linkage_from_mjcf
+from fault_tolerance.machines.sdf_reading import linkage_from_sdf
 from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.mechanism.files import mechanism_from_file
 
@@ -220,7 +222,7 @@ def changed(place, index, value):
     ('<sdf/>', CLOSURES, r'its root is <sdf>, not <robot>'),
     (urdf(JOINTS, [*LINKS, 'spare']), CLOSURES, '2 links that hang on no joint, not one: base, s'),
     (changed(1, 1, 'planar'), CLOSURES, "joint elbow: its type 'planar' is not revolute"),
-    (changed(1, 4, '0.2 x 0'), CLOSURES, "joint elbow: origin: xyz='0.2 x 0'"),
+    (changed(1, 4, '0.2 x 0'), CLOSURES, "joint elbow: origin xyz: '0.2 x 0' is not 3 numbers"),
     (changed(1, 6, '0 0 0'), CLOSURES, 'joint elbow: axis: is zero'),
     (changed(0, 2, 'nowhere'), CLOSURES, "joint mot_left: parent: there is no link 'nowhere'"),
     (urdf(JOINTS, LINKS).replace('</joint>', '<mimic joint="elbow"/></joint>', 1), CLOSURES,
@@ -231,7 +233,7 @@ def changed(place, index, value):
     (urdf(JOINTS, LINKS), CLOSURES.replace('3d', '4d'), r"type\[0\]: '4d' is neither 3d nor 6d"),
     (urdf(JOINTS, LINKS), CLOSURES.replace("['3d']", '[]'), 'type: has 0 entries for 1 closures'),
     (urdf(JOINTS, LINKS), CLOSURES.replace('[tip, end_fixed]', 'tip'), 'is not a pair of frames'),
-    (urdf(JOINTS, LINKS), 'type: []', 'closed_loop: is missing'),
+    (urdf(JOINTS, LINKS), 'type: []', 'no joint is driven: name them in'),
     (changed(5, 4, '2 0 0'), CLOSURES, 'do not close near joint values of zero: .* m stay open'),
 ])
 def test_urdf_that_cannot_be_a_mechanism(tmp_path, text, closures, message):
@@ -246,6 +248,106 @@ def test_transmissions_say_what_is_driven(tmp_path):
     assert mechanism.actuator_names == ('mot_right', 'mot_left')
 
 
+SDF = """<sdf version="1.9"><world name="lab">
+  <model name="ground"><static>true</static><link name="floor"/></model>
+  <model name="five bar"><pose>0 0 1 0 0 0</pose>
+    <frame name="frame"><pose>0 0 0.2 0 0 0</pose></frame>
+    <link name="left"><pose relative_to="frame" degrees="true">-0.1 0 0 0 0 30</pose></link>
+    <link name="left_rod"><pose relative_to="left" degrees="true">0.2 0 0 0 0 40</pose></link>
+    <link name="right"><pose relative_to="frame" degrees="true">0.1 0 0 0 0 150</pose></link>
+    <link name="right_rod">
+      <pose relative_to="right" rotation_format="quat_xyzw">0.2 0 0 0 0 0 1</pose></link>
+    <joint name="left/motor" type="revolute"><parent>world</parent><child>left</child>
+      <axis><xyz>0 0 1</xyz><limit><lower>-1</lower><upper>1.5</upper>
+        <velocity>2</velocity></limit></axis></joint>
+    <joint name="elbow" type="continuous"><parent>left</parent><child>left_rod</child></joint>
+    <joint name="right_motor" type="revolute"><parent>world</parent><child>right</child>
+      <axis><xyz expressed_in="__model__">0 0 -2</xyz>
+        <limit><lower>-1e16</lower><upper>inf</upper></limit></axis></joint>
+    <joint name="wrist" type="revolute"><parent>right</parent><child>right_rod</child>
+      <axis><xyz>0 0 1</xyz></axis></joint>
+    <frame name="tip" attached_to="left_rod"><pose>TIP 0 0 0</pose></frame>
+    <joint name="pin" type="ball"><pose relative_to="tip"/><parent>tip</parent>
+      <child>right_rod</child></joint>
+    <plugin name="gz::sim::systems::JointStatePublisher"><joint_name>elbow</joint_name></plugin>
+    <plugin name="gz::sim::systems::JointController"><joint_name>right_motor</joint_name></plugin>
+    <plugin filename="libfive_controllers.so"><joint_name>left/motor</joint_name></plugin>
+  </model></world></sdf>"""
+
+
+def from_sdf(folder, old='<sdf', new='<sdf', platform='left_rod'):
+    tip = turned(radians(-70)) @ (np.array([0.03, 0.3, 0]) - [-0.1, 0, 0]) - turned(
+        radians(-40)) @ [0.2, 0, 0]
+    text = SDF.replace('TIP', ' '.join(map(repr, tip.tolist())))
+    assert old in text
+    path = folder / 'five.sdf'
+    path.write_text(text.replace(old, new))
+    return mechanism_of(linkage_from_sdf(path), platform)
+
+
+def assert_same_rates(found, mechanism):
+    products = [(post.mapping @ post.mapping.T, post.present.twist_jacobian @ post.mapping.T)
+                for post in map(after, (found, mechanism))]
+    for first, second in zip(*products, strict=True):
+        np.testing.assert_allclose(first, second, atol=1e-9)
+
+
+@pytest.mark.parametrize(('old', 'new'), [
+    ('<sdf', '<sdf'),
+    # Axes of the model, as old files have them; here they are the same.
+    ('version="1.9"', 'version="1.4"'),
+    ('<axis><xyz>0 0 1', '<axis><use_parent_model_frame>1</use_parent_model_frame><xyz>0 0 1'),
+    ('type="continuous"', 'type="revolute"'),
+])
+def test_a_five_bar_from_sdf_closes_its_own_loop(tmp_path, old, new):
+    mechanism = from_sdf(tmp_path, old, new)
+    assert mechanism.name == 'five_bar'
+    assert mechanism.actuator_names == ('right_motor', 'left_motor')
+    assert mechanism.actuators[1].position == (-1.0, 1.5)
+    assert mechanism.actuators[1].velocity == 2.0
+    assert mechanism.actuators[0].position == (-np.inf, np.inf)
+    assert_same_rates(mechanism, from_mjcf(tmp_path, five_bar(), 'left_rod'))
+
+
+def test_universal_joints_from_sdf_have_the_parents_axis_first(tmp_path):
+    mechanism = from_sdf(
+        tmp_path, '<joint name="elbow" type="continuous"><parent>left</parent>'
+        '<child>left_rod</child>', '<joint name="elbow" type="universal"><parent>left</parent>'
+        '<child>left_rod</child><axis><xyz>0 0 1</xyz></axis><axis2><xyz>0 1 0</xyz></axis2>')
+    joints = {one.name: one for strut in mechanism.struts for one in strut.joints}
+    np.testing.assert_allclose(joints['elbow.1'].axis, [0, 0, 1], atol=1e-12)
+    # Of the rod, which is turned by 70 degrees.
+    np.testing.assert_allclose(
+        joints['elbow.2'].axis, turned(radians(70)) @ [0, 1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(('old', 'new', 'message'), [
+    ('<sdf', '<robot><sdf', 'five.sdf: is no SDF that can be read'),
+    ('<link name="floor"/>', '<link name="floor"/><joint name="nail" type="fixed"/>',
+     'has 2 models with joints, not one: ground, five bar'),
+    ('<link name="left">', '<include><uri>model://arm</uri></include><link name="left">',
+     'include model://arm: is a model in a model'),
+    ('<link name="left">', '<link name="right"/><link name="left">', 'right: two links, joints'),
+    ('"continuous"', '"screw"', "joint elbow: its type 'screw' is none of revolute, continuous"),
+    ('<parent>tip</parent>', '<parent>top</parent>', "joint pin: parent: there is no link 'top'"),
+    ('relative_to="left"', 'relative_to="tip"', "tip: 'left_rod' is placed relative to itself"),
+    ('relative_to="left"', 'relative_to="lab"', "left_rod: 'lab' is no link, joint or frame of"),
+    ('-0.1 0 0 0 0 30', '-0.1 0 0 0 0', "left: pose: '-0.1 0 0 0 0' is not 6 numbers"),
+    ('0 0 -2', '0 0 0', 'joint right_motor: axis: is zero'),
+    ('0 0 -2', '0 z 0', "joint right_motor: axis: xyz: '0 z 0' is not 3 numbers"),
+    ('<lower>-1</lower>', '<lower>low</lower>', "left/motor: limit: lower: 'low' is not a number"),
+    ('<lower>-1</lower>', '<lower>1</lower>', r'joint left/motor: position: \[1.0, 1.5\] leaves'),
+    ('<axis><xyz>0 0 1</xyz></axis>', '<axis><mimic joint="elbow"/></axis>', 'wrist: mimics anot'),
+    ('"libfive_controllers.so"><joint_name>left/motor', '"controller"><joint_name>pin',
+     'joint pin: is driven and ball: only single axes'),
+    ('<parent>world</parent>', '<parent>floor</parent>', "parent: there is no link 'floor'"),
+    ('version="1.9"', 'version="new"', "version: 'new' is not 2 or 3 numbers"),
+])
+def test_sdf_that_cannot_be_a_mechanism(tmp_path, old, new, message):
+    with pytest.raises(MechanismError, match=message):
+        from_sdf(tmp_path, old, new)
+
+
 def test_import_and_export_on_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(['export', 'gough_stewart_6', '--format', 'mjcf', '-o', 'g.xml']) == 0
@@ -255,17 +357,21 @@ def test_import_and_export_on_the_command_line(tmp_path, monkeypatch, capsys):
     assert mechanism_from_file('again.yaml').task.major == ('vx', 'vy', 'vz')
     assert main(['export', 'again.yaml', '--format', 'urdf', '-o', 'g.urdf']) == 0
     assert 'wrote g.closures.yaml' in capsys.readouterr().out
+    assert main(['export', 'again.yaml', '--format', 'sdf', '-o', 'g.sdf']) == 0
+    assert main(['import', 'g.sdf', '-o', 'fourth.yaml']) == 0
+    assert 'Imported from g.sdf (SDF)' in (tmp_path / 'fourth.yaml').read_text()
+    capsys.readouterr()
     # What lies beside it is found.
     assert main(['import', 'g.urdf', '-o', 'third.yaml', '--json']) == 0
     assert '"mobility": 6' in capsys.readouterr().out
     for arguments, message in (
         (['export', 'again.yaml', '--format', 'urdf'], 'two files: -o FILE.urdf'),
         (['export', 'again.yaml', '--format', 'mjcf', '-o', 'no/g.xml'], 'cannot be written'),
-        (['import', 'again.yaml'], '--format mjcf or urdf?'),
+        (['import', 'again.yaml'], '--format mjcf, urdf or sdf?'),
         (['import', 'none.urdf'], 'none.urdf: is no URDF that can be read'),
         (['import', 'none.xml'], 'none.xml: is not a file'),
         (['import', 'g.urdf', '--closures', 'no.yaml'], 'no.yaml: cannot be read'),
-        (['import', 'g.xml', '--closures', 'no.yaml'], '--closures is for URDF'),
+        (['import', 'g.xml', '--closures', 'no.yaml'], '--closures is for URDF and SDF'),
     ):
         assert main(arguments) == 2
         found = capsys.readouterr()
