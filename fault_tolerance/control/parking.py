@@ -65,6 +65,8 @@ class Parking:
     ----------
     text : str
         What there is to say of it: parking, parked, or what could not be reached.
+    used : bool
+        Whether it has to be made ready for the next stop.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -77,13 +79,13 @@ class Parking:
     def reset(self) -> None:
         """Be ready for the next stop: there is none now."""
         self._failures = self._move = None
-        self._over, self.text = not self._mechanism.park, ''
+        self._over, self.text, self.used = not self._mechanism.park, '', False
 
     def end(self) -> None:
         """End the move, for as long as the stop lasts."""
         if self._move is not None:
             self.text, self._move = 'park move broken off', None
-        self._over = True
+        self._over = self.used = True
 
     def command(
         self, estimate: Estimate | None, before: RateCommand, now: float
@@ -105,6 +107,7 @@ class Parking:
         """
         if self._over:
             return None
+        self.used = True
         if estimate is None or not _is_held(estimate):
             self.end()
             return None

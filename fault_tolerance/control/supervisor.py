@@ -131,7 +131,9 @@ class Supervisor:
         only joints that have failed may lack. They were measured at ``stamp`` (``now`` by default,
         seconds). Of rejected ones the last good ones stand until they are stale.
         """
-        self._pass_time(now)
+        if now < self._now:
+            self.forget_times(now)
+        self._now = now
         taken, notice = np.array(values, dtype=np.float64), None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
             notice = unusable(self.mechanism, taken, self._ledger.failures.parts)
@@ -213,10 +215,14 @@ class Supervisor:
 
         Never raises: after an internal error the mechanism rests, after three in a row it stops.
         """
-        self._pass_time(now)
+        if now < self._now:
+            self.forget_times(now)
+        self._now = now
         ledger, readings, parking = self._ledger, self._readings, self._parking
         failures, before, settings = ledger.failures, self._command, self.settings
-        command, (asked, idle) = None, self._velocity.asked(now)
+        command, asked, idle = None, self._velocity.value, ''
+        if asked is None or now > self._velocity.deadline:
+            asked, idle = self._velocity.nothing()
         stale = now > readings.deadline
         try:
             found = self._estimate
@@ -224,17 +230,14 @@ class Supervisor:
             if readings.value is not None and (self._outdated or not stale):
                 if self._unread:  # else from the same place again: the same to the last bit
                     self._base, self._unread = found, False
-                found = self._estimate = estimate(
-                    self._model, self._base, readings.value, failures)
-                self._outdated = False
+                found = estimate(self._model, self._base, readings.value, failures)
+                self._estimate, self._outdated = found, False
             degraded = found if failures.parts else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = ', '.join(sorted(self._pauses)) or readings.doubt
             if stale and not hold:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
-            hold = hold or found.obstacle
-            if not (hold or found.tolerated or degraded):
-                hold = found
+            hold = hold or found.obstacle or ('' if found.tolerated or degraded else found)
             if found.located and not (stop or hold or self._machine.stop):
                 command = rate_command(self._model, found, asked, before, now)
                 hold = command.obstacle
@@ -243,7 +246,7 @@ class Supervisor:
             if decision.state is State.STOPPED:
                 kept = not hold and decision.reason is found and not self.converter.engaged
                 command = parking.command(found if kept else None, before, now)
-            else:
+            elif parking.used:
                 parking.reset()
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
@@ -252,11 +255,12 @@ class Supervisor:
             stop = text if self._errors >= MOST_ERRORS else ledger.stop_reason
             decision, command = self._machine.decide(stop, text, '', '', ''), None
             parking.end()
-        if command is None or decision.state not in (*MOVING, State.STOPPED):
-            command = resting(command or before, failures, now)
+        moving = decision.state in (*MOVING, State.STOPPED)
+        if command is None or not moving:
+            command, moving = resting(command or before, failures, now), False
         elif self._beside is not None and self._beside[1] is failures:
             command = command.with_rates_beside(self._beside[0])
-        self._command, readings.moving = command, command.moves
+        self._command, readings.moving = command, moving
         if self._reported_at is not None and settings.clock is not None:
             self._reconfiguration_time = settings.clock() - self._reported_at
             self._reported_at = None

@@ -41,10 +41,8 @@ class TaskVelocity(InputWatchdog):
             return Notice('not_finite', 'task velocity holds a number that is not finite')
         return super().offer(taken, now, stamp)
 
-    def asked(self, now: float) -> tuple[FloatArray, str]:
-        """Return what is asked for (l,) ``now`` (s), and why that is nothing; '' if it is not."""
+    def nothing(self) -> tuple[FloatArray, str]:
+        """Return zeros (l,), and why nothing is asked for."""
         if self.value is None:
             return self._still, 'no task velocity yet'
-        if now > self.deadline:
-            return self._still, f'no task velocity for {self.timeout:g} s'
-        return self.value, ''
+        return self._still, f'no task velocity for {self.timeout:g} s'
