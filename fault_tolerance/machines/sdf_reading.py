@@ -86,22 +86,20 @@ class _Model:
                 usable_name(name), *ends, axes, closure=ends[1] in held,
                 ball=joint.get('type') == 'ball'))
             held.add(ends[1])
-        free = [name for name in ('world', *self._links) if name not in held]
-        base = 'world' if any(one.first == 'world' for one in connections) else ''
-        if not base:
-            free.remove('world')
-            if len(free) != 1:
-                reason = (f'has {len(free)} links that are child of no joint, not one '
-                          f'({", ".join(free[:6])}): which is the base? (a joint to the world)')
-                raise self._file.error('', reason)
-            base = free[0]
+        free = [name for name in self._links if name not in held]
+        if any('world' in (one.first, one.second) for one in connections):
+            free = ['world']
+        if len(free) != 1:
+            reason = (f'has {len(free)} links that are child of no joint, not one '
+                      f'({", ".join(free[:6])}): which is the base? (a joint to the world)')
+            raise self._file.error('', reason)
         places = {name: self._frame(name)[:3, 3] for name in self._links}
         places['world'] = np.zeros(3)
         name = usable_name(self._model.get('name') or Path(self._file.source).stem)
         order = tuple(usable_name(one) for one in driven)
         extras = self._closures.extras if own is None else self._extras(own)
         return Linkage(
-            self._file.source, name, base, places, tuple(connections), order, extras)
+            self._file.source, name, free[0], places, tuple(connections), order, extras)
 
     def _controlled(self) -> Iterator[str]:
         """Yield the joints that plugins with a controller in their name act on."""

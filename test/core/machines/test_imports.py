@@ -341,6 +341,8 @@ def test_universal_joints_from_sdf_have_the_parents_axis_first(tmp_path):
     ('"libfive_controllers.so"><joint_name>left/motor', '"controller"><joint_name>pin',
      'joint pin: is driven and ball: only single axes'),
     ('<parent>world</parent>', '<parent>floor</parent>', "parent: there is no link 'floor'"),
+    ('<child>left</child>', '<child>world</child>', "left/motor: 'world' is no link"),
+    ('<parent>world</parent>', '<parent>elbow</parent>', 'has 0 links that are child of no joint'),
     ('version="1.9"', 'version="new"', "version: 'new' is not 2 or 3 numbers"),
 ])
 def test_sdf_that_cannot_be_a_mechanism(tmp_path, old, new, message):
