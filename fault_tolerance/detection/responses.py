@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
-from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
+from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import range_basis, rank_of
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
@@ -73,6 +73,7 @@ def responses(
     failures: FailureSet,
     suspects: Sequence[Hypothesis],
     sensors: Sensors | None = None,
+    found: Sequence[Hypothesis] = (),
 ) -> Responses:
     """Return what the sensors show under each of the hypotheses ``suspects``.
 
@@ -85,6 +86,8 @@ def responses(
     suspects : sequence of Hypothesis
     sensors : Sensors, optional
         The encoders alone by default.
+    found : sequence of Hypothesis
+        What has failed besides; the drives may still be commanded.
 
     Returns
     -------
@@ -96,18 +99,17 @@ def responses(
     drift = np.zeros(matrices.shape[:2])
     alike: dict[FailureSet, list[int]] = {}
     for place, suspect in enumerate(suspects):
-        alike.setdefault(_failures_with(failures, suspect), []).append(place)
+        alike.setdefault(_failures_with(mechanism, failures, suspect, found), []).append(place)
     for broken, places in alike.items():
         matrices[places], drift[places] = _responses(
-            rows, broken, [suspects[place] for place in places]
+            rows, broken, [suspects[place] for place in places], found
         )
-    present = attachment_of(mechanism, failures.lost).held
-    seen = np.concatenate([
-        present, present & sensors.efforts, np.full(6, sensors.pose)
-    ])
+    held = attachment_of(mechanism, failures.lost).held
+    seen = np.concatenate([held, held & sensors.efforts, np.full(6, sensors.pose)])
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
     yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
-    load = np.ascontiguousarray(range_basis(yields * _balance(rows, failures).joints))
+    known = _failures_with(mechanism, failures, HEALTHY, found)
+    load = np.ascontiguousarray(range_basis(yields * _balance(rows, known).joints))
     return Responses(
         tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
     )
@@ -150,7 +152,10 @@ def _balance(rows: StrutRows, failures: FailureSet) -> _Balance:
 
 
 def _responses(
-    rows: StrutRows, failures: FailureSet, suspects: Sequence[Hypothesis]
+    rows: StrutRows,
+    failures: FailureSet,
+    suspects: Sequence[Hypothesis],
+    found: Sequence[Hypothesis],
 ) -> tuple[FloatArray, FloatArray]:
     """Return matrices (g, c, N) and drifts (g, c) of hypotheses that share one balance."""
     mechanism, balance = rows.mechanism, _balance(rows, failures)
@@ -169,15 +174,16 @@ def _responses(
             balance.twist @ setpoints,
         ], axis=-2)
 
-    obeyed = np.tile(np.diag(np.where(stuck, 0.0, 1.0)), (len(suspects), 1, 1))
     places = {name: place for place, name in enumerate(mechanism.actuator_names)}
+    obeyed = np.tile(np.diag(np.where(stuck, 0.0, 1.0)), (len(suspects), 1, 1))
     for matrix, suspect in zip(obeyed, suspects, strict=True):
-        mine = places.get(suspect.name, 0)
-        if suspect.symptom in _OBEDIENCE:
-            matrix[mine] *= _OBEDIENCE[suspect.symptom]
-        elif suspect.symptom is Symptom.SWAPPED:
-            pair = [mine, places[suspect.other]]
-            matrix[pair] = matrix[pair[::-1]]
+        for one in _present(suspect, found):
+            mine = places.get(one.name, 0)
+            if one.symptom in _OBEDIENCE:
+                matrix[mine] *= _OBEDIENCE[one.symptom]
+            elif one.symptom is Symptom.SWAPPED:
+                pair = [mine, places[one.other]]
+                matrix[pair] = matrix[pair[::-1]]
     matrices, alone = channels(obeyed), channels(np.eye(count))
     loose = np.concatenate([
         np.where(own, 0.0, balance.loose[:count]),
@@ -191,10 +197,12 @@ def _responses(
             drifts[place] = alone[:, mine]
         elif suspect.symptom in (Symptom.FREE, Symptom.LOST):
             drifts[place] = loose
-        elif suspect.symptom is Symptom.FROZEN:
-            matrices[place, mine] = 0.0
         elif suspect.symptom is Symptom.BIASED:
             drifts[place, mine] = 1.0
+        for one in _present(suspect, found):
+            if one.symptom is Symptom.FROZEN:
+                frozen_one = places[one.name]
+                matrices[place, frozen_one] = drifts[place, frozen_one] = 0.0
     return matrices, drifts
 
 
@@ -226,14 +234,26 @@ def _sprung(mechanism: Mechanism, failures: FailureSet) -> BoolArray:
     return np.asarray(held & ~_named(mechanism, failures.free))
 
 
-def _failures_with(failures: FailureSet, suspect: Hypothesis) -> FailureSet:
-    """Return ``failures`` with the free drive or the lost strut of ``suspect``."""
-    stuck, free, lost = failures.stuck, failures.free, failures.lost
-    if suspect.symptom is Symptom.FREE:
-        free = (*free, suspect.name)
-    elif suspect.symptom is Symptom.LOST:
-        lost = (*lost, suspect.name)
-    return FailureSet(stuck, free, lost)
+def _present(suspect: Hypothesis, found: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return what is wrong if ``suspect`` is true, besides what has been ``found``."""
+    if suspect.symptom is Symptom.HEALED:
+        return tuple(one for one in found if one.name != suspect.name)
+    return (*found, suspect)
+
+
+def _failures_with(
+    mechanism: Mechanism, failures: FailureSet, suspect: Hypothesis, found: Sequence[Hypothesis]
+) -> FailureSet:
+    """Return ``failures`` with the free drives and lost struts if ``suspect`` is true."""
+    healed = suspect.name if suspect.symptom is Symptom.HEALED else None
+    further = [
+        f'{one.symptom.value}:{one.name}' for one in _present(suspect, found)
+        if one.symptom in (Symptom.FREE, Symptom.LOST)
+    ]
+    if not further and healed is None:
+        return failures
+    kept = (one for one in failures.failures if one.name != healed)
+    return failure_set(mechanism, [*kept, *further])
 
 
 def _named(mechanism: Mechanism, names: Sequence[str]) -> BoolArray:

@@ -108,6 +108,11 @@ class Suspicion:
             'would_separate': ', '.join(self.would_separate),
         }
 
+    @property
+    def text(self) -> str:
+        """Name and mode, as the ledger writes what has been reported."""
+        return f'{self.name} ({self.mode})'
+
     def __str__(self) -> str:
         """Return a sentence."""
         first = self.candidates[0]
@@ -160,6 +165,11 @@ def parts_of(mechanism: Mechanism, candidates: Iterable[Hypothesis]) -> tuple[st
     struts = {one.name: one.strut or one.name for one in mechanism.actuators}
     named = (name for one in candidates for name in (one.name, one.other) if name)
     return tuple(dict.fromkeys(struts.get(name, name) for name in named))
+
+
+def found_in(suspicions: Iterable[Suspicion]) -> tuple[Hypothesis, ...]:
+    """Return what ``suspicions`` most likely are; those about several parts add nothing."""
+    return tuple(one.candidates[0] for one in suspicions if one.located)
 
 
 def failures_assumed(

@@ -107,6 +107,10 @@ def test_advice_is_given_and_nothing_done(start, probe):
     assert 'failure_mode' not in values_of(status)
     probe.spin(0.5)
     assert probe.state == 'nominal'
+    # The drive is still commanded, so it is still seen.
+    assert probe.clear().message == 'still reported: theta_2 (position); now nominal'
+    machine.diagnostics.clear()
+    assert machine.wait_for_suspicion().hardware_id == 'theta_2'
 
 
 def test_latent_failures_are_found_by_a_probe_or_their_group(start, probe):

@@ -63,10 +63,10 @@ def warm(name='mirror_4_strut', moving=True, side='load', engine='elastic', seed
 
 def probed(loop: ClosedLoop) -> str:
     """Let the loop probe to the end; return what it has found."""
-    assert loop.monitor.request_probe() == ''
-    while loop.monitor.probing:
+    assert loop.monitor.prober.request() == ''
+    while loop.monitor.prober.probing:
         loop.run(loop.settings.period)
-    return loop.monitor.finding
+    return loop.monitor.prober.finding
 
 
 def awaited(loop: ClosedLoop, duration: float) -> int:

@@ -15,6 +15,7 @@ from core.detection.detection_cases import (
     warm,
 )
 
+from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.responses import Sensors
@@ -105,7 +106,7 @@ def test_without_redundancy_left_it_says_so_and_goes_on():
     probed(loop)
     loop.run(1.0)
     assert loop.supervisor.failures.free == ('theta_2',)
-    assert 'no redundancy is left (r = 0)' in loop.monitor.request_probe()
+    assert 'no redundancy is left (r = 0)' in loop.monitor.prober.request()
     loop.run(1.0)
     assert len(suspected(loop)) == 1
     # Passively it goes on: three drives and the encoder of the limp one.
@@ -129,7 +130,7 @@ def test_after_a_group_of_struts_nothing_more_is_said():
     (found,) = suspected(loop)
     assert not found.located
     assert loop.monitor.detector.is_blind
-    assert loop.monitor.request_probe().startswith('already found')
+    assert loop.monitor.prober.request().startswith('already found')
     loop.run(1.0)
     assert len(suspected(loop)) == 1
 
@@ -213,10 +214,62 @@ def test_what_is_cleared_and_still_there_is_found_again_at_rest():
     assert [one.name for one in suspected(loop)] == ['theta_4']
 
 
+def test_what_was_reported_once_and_is_cleared_is_found_at_rest():
+    """Nobody has noticed it: a report came, was silent for 3 s, and was cleared."""
+    loop = loop_of(reference=REST, monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent stuck theta_4')
+    report = Report(('somebody', 'theta_4'), 'theta_4', 'position', ERROR, loop._now)
+    loop.supervisor.reports([report], loop._now)
+    loop.run(3.1)
+    assert loop.clear().message == 'released theta_4 (position); now nominal'
+    loop.run(1.5)
+    assert loop.supervisor.output.state is State.DEGRADED
+    assert [one.name for one in suspected(loop)] == ['theta_4']
+
+
+@pytest.mark.parametrize(('word', 'mode'), [
+    ('stuck', 'position'), ('frozen', 'position'), ('weak', 'position'), ('reversed', 'position'),
+])
+def test_advice_stays_while_it_is_seen_and_ends_when_it_is_mended(word, mode):
+    """The drive is still commanded: every motion shows it again, or that it has healed."""
+    loop = loop_of(reference=Circle(1e-5, 1.0))
+    loop.run(1.2)
+    loop.inject(f'silent {word} theta_2')
+    awaited(loop, 1.0)
+    loop.run(3.2)
+    assert loop.clear().message == f'still reported: theta_2 ({mode}); now nominal'
+    (found,) = suspected(loop)
+    assert found.name == 'theta_2'
+    loop.inject('silent ok theta_2')
+    loop.run(0.4)
+    assert suspected(loop) == ()
+    loop.run(0.5)
+    assert suspected(loop) == ()
+
+
+def test_a_drive_that_still_moves_by_itself_is_not_released():
+    loop = loop_of(monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent runaway theta_2')
+    awaited(loop, 1.0)
+    loop.run(3.2)
+    assert loop.supervisor.output.state is State.STOPPED
+    outcome = loop.clear()
+    assert (outcome.success, outcome.message) == (
+        False, 'still reported: theta_2 (runaway); now stopped')
+    loop.inject('silent ok theta_2')
+    # It goes back to where it was told to be, and is seen until then.
+    loop.run(3.8)
+    assert loop.clear().message == 'released theta_2 (runaway); now nominal'
+    loop.run(0.5)
+    assert suspected(loop) == ()
+
+
 def test_what_is_cleared_and_mended_stays_released():
     loop = cleared_at_rest('silent ok theta_4')
     loop.run(2.5)
     assert loop.supervisor.output.state is State.NOMINAL
     assert named(loop) == []
-    assert 'no latent failure' in loop.monitor.finding
-    assert not loop.monitor.probing
+    assert 'no latent failure' in loop.monitor.prober.finding
+    assert not loop.monitor.prober.probing

@@ -97,9 +97,9 @@ def test_after_a_probe_of_the_loop_the_drives_are_where_they_were():
 def test_no_drive_is_loaded_by_more_than_was_allowed():
     loop = warm(moving=False)
     before = loop.plant.state.efforts
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''
     most = 0.0
-    while loop.monitor.probing:
+    while loop.monitor.prober.probing:
         loop.run(PERIOD)
         most = max(most, np.abs(loop.plant.state.efforts - before).max())
     assert 0.05 < most <= 1.05 * loop.settings.monitor.probe_force
@@ -110,9 +110,9 @@ def test_no_drive_is_loaded_by_more_than_was_allowed():
 @pytest.mark.parametrize('fault', ['stuck theta_3', 'silent stuck theta_3', 'pause'])
 def test_it_ends_within_a_cycle_of_a_failure_or_a_pause(fault):
     loop = warm()
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''
     loop.run(0.1)
-    assert loop.monitor.probing
+    assert loop.monitor.prober.probing
     if fault == 'pause':
         loop.supervisor.pause(True, loop._now)
         loop.run(PERIOD)
@@ -124,29 +124,29 @@ def test_it_ends_within_a_cycle_of_a_failure_or_a_pause(fault):
             count += 1
             assert count < 50
         loop.run(PERIOD)
-    assert not loop.monitor.probing
+    assert not loop.monitor.prober.probing
     assert loop.monitor.rates is None
     if fault != 'silent stuck theta_3':
-        assert loop.monitor.finding == 'ended early: the state has changed'
-    assert loop.monitor.latent_since_probe < 1.0
+        assert loop.monitor.prober.finding == 'ended early: the state has changed'
+    assert loop.monitor.prober.latent_since_probe < 1.0
 
 
 def test_it_comes_by_itself():
     loop = loop_of(monitor=MonitorSettings('advise', probe_period=1.0))
     loop.run(0.5)
-    assert not loop.monitor.probing
+    assert not loop.monitor.prober.probing
     times = []
     for _ in range(400):
-        was = loop.monitor.probing
+        was = loop.monitor.prober.probing
         loop.run(PERIOD)
-        if loop.monitor.probing and not was:
+        if loop.monitor.prober.probing and not was:
             times.append(loop._now)
     assert len(times) >= 2
-    assert loop.monitor.finding.startswith('no latent failure')
+    assert loop.monitor.prober.finding.startswith('no latent failure')
 
 
 def refusal(loop):
-    return loop.monitor.refusal()
+    return loop.monitor.prober.refusal()
 
 
 def with_settings(loop, **changes):
@@ -162,7 +162,7 @@ def with_settings(loop, **changes):
 def test_every_refusal_has_its_reason():
     assert refusal(with_settings(warm(), detect='off')) == 'detection is off'
     loop = warm()
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''
     loop.run(PERIOD)
     assert refusal(loop) == 'a probe is under way'
     loop = warm()
@@ -188,15 +188,15 @@ def test_without_a_known_stiffness_an_amplitude_is_needed():
         source = warm().monitor
         monitor.detector._noise = source.detector._noise
         monitor.detector.rows = home_rows(mechanism)
-        monitor._moving, monitor._values = True, np.zeros(4)
-        assert reason in monitor.refusal()
-        assert bool(monitor.refusal()) == bool(reason)
+        monitor.prober._moving, monitor.prober._values = True, np.zeros(4)
+        assert reason in monitor.prober.refusal()
+        assert bool(monitor.prober.refusal()) == bool(reason)
 
 
 def test_not_near_the_end_of_a_stroke():
-    monitor = warm().monitor
-    monitor._values = np.array([0.0, 0.0, monitor._mechanism.position_limits[2, 1], 0.0])
-    assert monitor.refusal() == 'too near the end of the stroke: theta_3'
+    prober = warm().monitor.prober
+    prober._values = np.array([0.0, 0.0, prober._mechanism.position_limits[2, 1], 0.0])
+    assert prober.refusal() == 'too near the end of the stroke: theta_3'
 
 
 def test_settings_say_what_is_wrong_with_them():
