@@ -11,6 +11,7 @@ import numpy as np
 
 from fault_tolerance.detection.filter_bank import FilterBank
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
+from fault_tolerance.detection.outlook import outlook
 from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.detection.separation import separators
 from fault_tolerance.detection.suspicion import Suspicion, parts_of, with_limp
@@ -100,4 +101,5 @@ def suspicion_of(
         found.candidates, float(bank.scores[place]), int(excursions.onset[place]),
         float(excursions.travel[place]), parts_of(rows.mechanism, found.candidates),
         separators(rows, failures, found.candidates, sensors, CROSS_SHARE),
+        outlook(rows, failures, found.candidates),
     )

@@ -83,7 +83,7 @@ class Monitor:
         """What the last readings have convicted, and is to be handled as if it were reported."""
         if self.settings.detect != 'act':
             return ()
-        return tuple(one for one in self._convicted if one.asks_to_act(self._failures))
+        return tuple(one for one in self._convicted if not one.obstacle(self._failures))
 
     def forget(self, fresh: float = 0.0) -> tuple[str, ...]:
         """Drop what has been found, but for what was seen in the last ``fresh`` seconds.

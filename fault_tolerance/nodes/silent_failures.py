@@ -175,7 +175,7 @@ class SilentFailures:
             if one not in before:
                 logger.warning(f'detection: {one}')
                 if one.moves_though_stuck(self._failures):
-                    text = f'{one.name}: reported stuck, but moving'
+                    text = f'{one.name}: {one.obstacle(self._failures)}'
                     self._health.warn(Notice('inconsistent', text, rejected=False))
         for one in before:
             if one not in present:
@@ -195,11 +195,13 @@ class SilentFailures:
         passive = monitor.prober.isolability(False) if self._listening else None
         alike = [group for group in passive.classes if len(group) > 1] if passive else []
         since = monitor.prober.latent_since_probe
+        ahead = sorted((one.outlook.measure, one.worst_next) for one in suspicions if one.outlook)
         return {
             'inconsistent': ', '.join(
                 one.name for one in suspicions if one.moves_though_stuck(self._failures)
             ),
             'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
+            'worst_next_suspected': ahead[0][1] if ahead else '',
             'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
             'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
             'latent_since_probe': decimal(since) if isfinite(since) else '',
@@ -234,6 +236,8 @@ class SilentFailures:
     def _status(self, suspicion: Suspicion) -> Any:
         # What is not acted on must not look like a report: others may listen.
         values = suspicion.values(acting=suspicion in self._acted)
+        if self.monitor.settings.detect == 'act':
+            values['not_acted_on'] = suspicion.obstacle(self._failures)
         return status_to_msg(
             DETECTION, f'{self._prefix}{suspicion.name}',
             ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,

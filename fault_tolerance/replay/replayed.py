@@ -246,7 +246,7 @@ class Replay:
         ))
         new = [one for one in detector.suspicions if one not in before]
         for one in new:
-            acts = self._acting and one.asks_to_act(output.failures)
+            acts = self._acting and not one.obstacle(output.failures)
             self.findings.append(Finding(one, reading.stamp, acts))
         self._report([*new, *detector.renewed])
 
@@ -270,7 +270,7 @@ class Replay:
     def _report(self, convicted: Sequence[Suspicion]) -> None:
         """Handle what is ``convicted`` as if it had been reported, where that was done live."""
         now, failures = 1e-9 * self._now, self._failures
-        reports = [detected(one, now) for one in convicted if one.asks_to_act(failures)]
+        reports = [detected(one, now) for one in convicted if not one.obstacle(failures)]
         if self._acting and reports and self._supervisor.reports(reports, now):
             self._supervisor.step(now)
 

@@ -135,6 +135,36 @@ def test_after_a_group_of_struts_nothing_more_is_said():
     assert len(suspected(loop)) == 1
 
 
+def test_a_group_of_struts_is_not_acted_on_and_costs_the_margin():
+    """Commands of the healthy machine serve whichever it is; what could come next is told."""
+    loop = loop_of('gough_stewart_8', Circle(1e-4, 1.0), monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent lost strut_3')
+    probed(loop)
+    (found,) = suspected(loop)
+    assert {one.name for one in found.candidates} == {'strut_1', 'strut_3', 'strut_5', 'strut_7'}
+    assert 'not known' in found.obstacle(loop.supervisor.failures)
+    assert loop.supervisor.failures.failures == ()
+    # Another one of the four, and the platform is loose; without any, 0.41 is left.
+    assert loop.supervisor.metrics().worst_next_measure == pytest.approx(1.0 / 6.0**0.5, abs=1e-3)
+    assert found.outlook.tolerable
+    assert found.outlook.measure == 0.0
+    assert found.values(acting=False)['worst_next'].endswith(' 0')
+
+
+def test_a_group_of_which_one_cannot_be_tolerated_stops_the_machine():
+    loop = loop_of('mirror_overactuated', monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent lost strut_2')
+    probed(loop)
+    (found,) = suspected(loop)
+    assert {one.name for one in found.candidates} == {'strut_1', 'strut_2', 'strut_3'}
+    # Without strut 1 and the two drives on it nothing is left that turns the mirror.
+    assert found.name == 'strut_1'
+    assert loop.supervisor.failures.lost == ('strut_1',)
+    assert loop.supervisor.output.state is State.STOPPED
+
+
 def test_after_a_clear_it_begins_anew():
     loop = loop_of(monitor=MonitorSettings('act'))
     loop.run(1.7)
