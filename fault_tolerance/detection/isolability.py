@@ -22,7 +22,7 @@ from fault_tolerance.detection.hypotheses import (
     hypotheses,
 )
 from fault_tolerance.detection.responses import Sensors, responses
-from fault_tolerance.detection.separation import self_stress, separations, task_motions
+from fault_tolerance.detection.separation import separations, still_strains, task_motions
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
@@ -38,7 +38,7 @@ class Isolability:
     Attributes
     ----------
     redundancy : int
-        r = N - n: how many independent motions of the setpoints only strain the mechanism.
+        r = N - n, of the drives that still move.
     suspects : tuple of Hypothesis
         `HEALTHY` first.
     separation : (h, h) array
@@ -151,12 +151,12 @@ def isolability(
     found = responses(rows, failures, suspects, sensors)
     kinematics = reconfigured(rows, failures).present
     motions = task_motions(rows, kinematics)
-    strains = self_stress(rows, kinematics)
-    commanded = np.hstack([motions, strains]) if probe else motions
+    redundancy = int(kinematics.active.sum()) - motions.shape[1]
+    commanded = motions
+    if probe:
+        commanded = np.linalg.qr(np.hstack([motions, still_strains(rows, failures)]))[0]
     separation = separations(found, commanded)
-    return Isolability(
-        strains.shape[1], suspects, separation, _classes(suspects, separation > least)
-    )
+    return Isolability(redundancy, suspects, separation, _classes(suspects, separation > least))
 
 
 def _classes(

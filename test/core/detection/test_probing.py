@@ -21,6 +21,7 @@ from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.plant_settings import PlantSettings
 
 AMPLITUDE = 1e-6
+STIFF = {'flexure_stiffness': 1e10, 'structure_stiffness': 1e10}
 
 
 def stress_of(name, *failed):
@@ -28,14 +29,39 @@ def stress_of(name, *failed):
     return SelfStress(home_rows(mechanism), failure_set(mechanism, failed))
 
 
-def excursion(name, *faults, **settings):
-    """Return how far a probe moves the platform, radians and characteristic lengths."""
+def uneven_copy(mechanism, shares):
+    """Return the mechanism with drives of different stiffness, in N/m over 1e6."""
+    stiff = {
+        name: 1e6 * float(share)
+        for name, share in zip(mechanism.actuator_names, shares, strict=True)
+    }
+    actuators = tuple(replace(one, stiffness=stiff[one.name]) for one in mechanism.actuators)
+    by_name = {one.name: one for one in actuators}
+    struts = tuple(
+        replace(strut, joints=tuple(
+            joint if joint.actuator is None
+            else replace(joint, actuator=by_name[joint.actuator.name]) for joint in strut.joints
+        )) for strut in mechanism.struts
+    )
+    return replace(mechanism, struts=struts, actuators=actuators)
+
+
+def excursion(name, *faults, uneven=None, present=(), **settings):
+    """Return how far a probe moves the platform, radians and characteristic lengths.
+
+    Drives are as stiff as ``uneven`` (N,) says of 1e6 N/m, and ``present`` has failed before.
+    """
     mechanism = mechanism_named(name)
+    told = mechanism if uneven is None else uneven_copy(mechanism, uneven)
+    stress = SelfStress(home_rows(told), failure_set(mechanism, present))
     plant = ElasticPlant(mechanism, PlantSettings(
         encoder_noise=0.0, disturbance=UNLOADED, servo_time_constant=0.0, **settings
     ))
-    broken(plant, *faults)
-    probe = Probe(stress_of(name).probing, AMPLITUDE, PERIOD)
+    if uneven is not None:
+        # As many stiffnesses as drives: the settings have one for all.
+        plant._stiffness = plant._stiffness * uneven
+    broken(plant, *(f'{mode} {part}' for mode, part in present), *faults)
+    probe = Probe(stress.probing, AMPLITUDE, PERIOD)
     plant.step(PERIOD)
     start, last, most = plant.state.pose.copy(), np.zeros(len(mechanism.actuators)), 0.0
     while not probe.over:
@@ -56,11 +82,30 @@ def test_a_healthy_platform_does_not_move(name):
     assert excursion(name) < 1e-3 * limp
 
 
+@pytest.mark.parametrize(('name', 'present', 'uneven'), [
+    ('mirror_4_strut', [], (1.0, 0.3, 2.0, 0.7)),
+    ('gough_stewart_8', [], (1.0, 0.3, 2.0, 0.7, 1.0, 1.5, 0.5, 0.9)),
+    ('gough_stewart_8', [('stuck', 'leg_2')], None),
+    ('gough_stewart_8', [('free', 'leg_2')], (1.0, 0.3, 2.0, 0.7, 1.0, 1.5, 0.5, 0.9)),
+])
+def test_nor_with_drives_of_unequal_stiffness_or_after_a_failure(name, present, uneven):
+    first = mechanism_named(name).actuator_names[0]
+    same = {'uneven': None if uneven is None else np.array(uneven), 'present': present, **STIFF}
+    limp = excursion(name, f'silent free {first}', **same)
+    assert limp > 1e-7
+    assert excursion(name, **same) < 1e-3 * limp
+
+
+def test_a_stuck_drive_yields_so_its_redundancy_is_no_use_to_a_probe():
+    assert stress_of('mirror_4_strut').probing.shape[1] == 1
+    assert stress_of('mirror_4_strut', ('stuck', 'theta_1')).probing.shape[1] == 0
+    assert stress_of('gough_stewart_8', ('stuck', 'leg_1')).probing.shape[1] == 1
+
+
 def test_a_healthy_platform_does_not_move_if_its_struts_are_stiff():
     """The over-actuated mirror pushes against what its joints bar: flexures must not give way."""
-    stiff = {'flexure_stiffness': 1e10, 'structure_stiffness': 1e10}
-    limp = excursion('mirror_overactuated', 'silent free theta_1', **stiff)
-    assert excursion('mirror_overactuated', **stiff) < 1e-3 * limp
+    limp = excursion('mirror_overactuated', 'silent free theta_1', **STIFF)
+    assert excursion('mirror_overactuated', **STIFF) < 1e-3 * limp
     assert excursion('mirror_overactuated') > 1e-2 * limp
 
 
