@@ -34,6 +34,9 @@ PATIENCE = 1_000_000_000
 LATEST = 50_000_000
 """Nanoseconds by which a command may be slower than the fastest: then nobody knows its effect."""
 
+MOTION = 20.0
+"""How far a setpoint goes at least, over the noise, for its encoder to show whether it reads."""
+
 REFRESH = 50
 """Readings between two looks at whether the mechanism has moved away."""
 
@@ -57,6 +60,8 @@ class Detector:
         What advances the filters; may be exchanged for another form at any time.
     renewed : tuple of Suspicion
         The `suspicions` that the last readings would have convicted again.
+    probed_at_rest : bool
+        Whether the task did not move the mechanism during the last probe.
     forming : Suspicion or None
         What more readings may yet narrow down.
     rows : StrutRows or None
@@ -87,6 +92,7 @@ class Detector:
         self._bank: FilterBank | None = None
         self._renewals: dict[Suspicion, Renewal] = {}
         self.renewed: tuple[Suspicion, ...] = ()
+        self.probed_at_rest = False
         self.forming: Suspicion | None = None
         self.rows: StrutRows | None = None
 
@@ -219,6 +225,7 @@ class Detector:
         bank = self._bank
         if record is not None and bank is not None and strain is not None and not self.is_blind:
             odds = record.odds(bank.found, strain, self._noise.deviation)
+            self.probed_at_rest = record.reach(strain) < MOTION * self._noise.deviation.max()
             bank.scores[:] = np.maximum(bank.scores + odds - odds[0], 0.0)
             # A probe goes farther than drives may stick.
             self._decide(bank, stamp, 0.0)

@@ -58,7 +58,7 @@ class Prober:
         self._periods: deque[float] = deque(maxlen=SAMPLES)
         self._stamp = self._probed = self._retest_until = 0
         self._values = np.full(len(mechanism.actuators), np.nan)
-        self._isolability: dict[bool, tuple[object, Isolability]] = {}
+        self._isolability: dict[tuple[bool, bool], tuple[object, Isolability]] = {}
         self.rates: FloatArray | None = None
         self.finding = ''
 
@@ -145,29 +145,32 @@ class Prober:
             return f'too near the end of the stroke: {", ".join(names)}'
         return ''
 
-    def isolability(self, probe: bool) -> Isolability | None:
-        """Return what can be told apart now, with a ``probe`` or without; None before it is known.
+    def isolability(self, probe: bool, at_rest: bool = False) -> Isolability | None:
+        """Return what can be told apart now; None before it is known.
 
         Parameters
         ----------
         probe : bool
+            Whether by probes, too.
+        at_rest : bool
+            Whether by them alone: the task does not move the mechanism.
 
         Returns
         -------
         Isolability or None
         """
-        detector = self._detector
+        detector, way = self._detector, (probe, at_rest)
         if detector.rows is None:
             return None
         # Classes change with failures and sensors, not with the place.
         key = detector.known, detector.sensors
-        if probe not in self._isolability or self._isolability[probe][0] != key:
+        if way not in self._isolability or self._isolability[way][0] != key:
             found = isolability(
                 detector.rows, detector.known, sensors=detector.sensors, probe=probe,
-                least=evidence.CROSS_SHARE,
+                at_rest=at_rest, least=evidence.CROSS_SHARE,
             )
-            self._isolability[probe] = key, found
-        return self._isolability[probe][1]
+            self._isolability[way] = key, found
+        return self._isolability[way][1]
 
     def look_again(self) -> None:
         """Let a probe look for what has been released: who acts must know whether it is mended."""
@@ -222,6 +225,7 @@ class Prober:
             return str(forming or suspicions[-1])
         if disturbed:
             return 'ended early: the state has changed'
-        found = self.isolability(True)
+        at_rest = self._detector.probed_at_rest
+        found = self.isolability(True, at_rest)
         assert found is not None
-        return f'no latent failure{found.limits}'
+        return f'no latent failure{found.limits(" at rest" if at_rest else "")}'

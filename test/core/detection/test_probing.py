@@ -190,6 +190,21 @@ def test_it_comes_by_itself():
     assert loop.monitor.prober.finding.startswith('no latent failure')
 
 
+def test_at_rest_it_finds_the_encoders_that_can_be_seen_and_names_the_others():
+    """A strain moves no joint: an encoder of it that does not read looks right, of a drive not."""
+    assert probed(warm(moving=False)).startswith(
+        'no latent failure; not to be seen at rest: encoder:theta_1, encoder:theta_2, '
+        'encoder:theta_3, encoder:theta_4; would look alike: hard:strut_1')
+    assert 'at rest' not in probed(warm())
+    loop = loop_of(reference=REST, side='motor', monitor=MonitorSettings(probe_period=1.0))
+    loop.run(1.7)
+    loop.inject('silent frozen theta_2')
+    loop.run(1.7)
+    (found,) = suspected(loop)
+    # Efforts tell it from a drive that is stuck.
+    assert [str(one) for one in found.candidates] == ['encoder:theta_2']
+
+
 def refusal(loop):
     return loop.monitor.prober.refusal()
 
