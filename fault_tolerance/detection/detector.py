@@ -60,6 +60,8 @@ class Detector:
         What advances the filters; may be exchanged for another form at any time.
     renewed : tuple of Suspicion
         The `suspicions` that the last readings would have convicted again.
+    known : FailureSet
+        The failures in force, and those found.
     probed_at_rest : bool
         Whether the task did not move the mechanism during the last probe.
     forming : Suspicion or None
@@ -85,6 +87,7 @@ class Detector:
         self._stamp: int | None = None
         self._sent, self._least_age = 0, LONGEST_GAP
         self._modelled: tuple[FailureSet, tuple[Suspicion, ...]] = FailureSet(), ()
+        self.known = FailureSet()
         self._place = np.eye(4)
         self._since_refresh = 0
         self._crossed: int | None = None
@@ -115,11 +118,6 @@ class Detector:
     def noise(self) -> FloatArray:
         """Standard deviations (c,) of the channels, metres; 0 where one has not proved itself."""
         return self._noise.deviation
-
-    @property
-    def known(self) -> FailureSet:
-        """The failures in force, and those found."""
-        return self._modelled[0]
 
     @property
     def evidence(self) -> dict[Hypothesis, float]:
@@ -180,15 +178,13 @@ class Detector:
                 renewal.start(readings, self._noise.deviation)
             last = stamp
         self._since_refresh += 1
-        suspicions = self.suspicions
-        known = failures_assumed(self._mechanism, failures, suspicions)
-        if self.rows is None or (known, suspicions) != self._modelled:
-            self._refresh(rows(), failures, known, pose)
+        if self.rows is None or (failures, self.suspicions) != self._modelled:
+            self._refresh(rows(), failures, pose)
             self._restart(readings)
         elif self._since_refresh >= REFRESH:
             self._since_refresh = 0
             if distance(self._place, pose, self._mechanism.characteristic_length) > REACH:
-                self._refresh(rows(), failures, known, pose)
+                self._refresh(rows(), failures, pose)
         moved = self._setpoints.moved(last, stamp)
         assert self._bank is not None
         expected = self._bank.found.matrices[0] @ moved
@@ -264,20 +260,20 @@ class Detector:
         self._renewals[suspicion] = Renewal(suspicion, bank, stamp, self._breakaway)
         self.forming = None
 
-    def _refresh(
-        self, rows: StrutRows, failures: FailureSet, known: FailureSet, pose: FloatArray
-    ) -> None:
+    def _refresh(self, rows: StrutRows, failures: FailureSet, pose: FloatArray) -> None:
         """Derive the responses anew."""
         self.rows, self._place, self._since_refresh = rows, pose.copy(), 0
+        self._modelled = failures, self.suspicions
+        self.known = failures_assumed(self._mechanism, failures, self.suspicions)
         present = found_in(self.suspicions)
-        suspects = hypotheses(self._mechanism, known, tuple(Symptom), present)
+        commanded = [one for one in present if one.name not in failures.parts]
+        suspects = hypotheses(self._mechanism, self.known, tuple(Symptom), commanded)
         found = responses(rows, failures, suspects, Sensors(True, True), present)
         if self._bank is None or suspects != self._bank.found.hypotheses:
             self._bank = FilterBank(self._mechanism, found, self._breakaway)
         self._bank.go_on_with(found)
         for renewal in self._renewals.values():
             renewal.refresh(rows, failures, self.suspicions)
-        self._modelled = known, self.suspicions
 
     def _restart(self, readings: FloatArray) -> None:
         """Begin at these readings: what was before does not count."""

@@ -117,8 +117,8 @@ def hypotheses(
     symptoms : tuple of Symptom
         The ways to fail.
     found : sequence of Hypothesis
-        Failures without a report, which may heal; then the drives move as they are told, and not
-        by themselves.
+        Failures without a report of drives that are commanded nevertheless: they may heal, and
+        then move as they are told, not by themselves.
 
     Returns
     -------

@@ -17,6 +17,7 @@ from core.detection.detection_cases import (
 
 from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.state_machine import State
+from fault_tolerance.detection.hypotheses import Symptom
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.detection.sighting import Sighting
@@ -97,6 +98,20 @@ def test_a_second_failure_is_found():
     found = suspected(loop)
     assert [one.name for one in found] == ['leg_2', 'leg_5']
     assert set(loop.supervisor.failures.stuck) == {'leg_2', 'leg_5'}
+
+
+def test_what_is_acted_on_as_stuck_and_moves_is_found():
+    loop = loop_of('gough_stewart_8', Circle(1e-4, 1.0), monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent stuck leg_2')
+    awaited(loop, 1.0)
+    loop.run(0.5)
+    assert loop.supervisor.failures.stuck == ('leg_2',)
+    loop.inject('silent runaway leg_2')
+    loop.run(0.5)
+    assert [one.verdict.symptom for one in suspected(loop)] == [Symptom.STUCK, Symptom.RUNAWAY]
+    assert suspected(loop)[1].obstacle(loop.supervisor.failures) == 'reported stuck, but moving'
+    assert loop.supervisor.output.state is State.DEGRADED
 
 
 def test_without_redundancy_left_it_says_so_and_goes_on():
