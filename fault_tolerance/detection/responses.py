@@ -23,7 +23,7 @@ from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import range_basis, rank_of
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.freedom import attachment_of
+from fault_tolerance.mechanism.freedom import attachment_of, motions
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.tolerances import RANK_TOLERANCE
 
@@ -132,13 +132,15 @@ def _balance(rows: StrutRows, failures: FailureSet) -> _Balance:
     as it can.
     """
     mechanism = rows.mechanism
-    twists, rates = rows.motions(attachment_of(mechanism, failures.lost))
+    twists, rates, barred = _yielding(rows, failures)
     sprung, free = _sprung(mechanism, failures), _named(mechanism, failures.free)
     root = np.sqrt(relative_stiffness(mechanism)) * sprung
-    weighted = root[:, None] * rates
-    left, sigma, right = decomposed(weighted)
+    weighted = np.vstack([root[:, None] * rates, barred])
+    left, sigma, right = decomposed(weighted / root.max(initial=1.0))
     rank = rank_of(sigma, 1.0)
-    settled = (right[:rank].T / sigma[:rank]) @ left[:, :rank].T * root
+    settled = (right[:rank].T / sigma[:rank]) @ left[: len(root), :rank].T * (
+        root / root.max(initial=1.0)
+    )
     loose = right[rank:].T
     if loose.shape[1] and free.any():
         held = np.linalg.pinv(rates[free] @ loose, rcond=RANK_TOLERANCE)
@@ -149,6 +151,23 @@ def _balance(rows: StrutRows, failures: FailureSet) -> _Balance:
         _, _, turned = decomposed(motions @ loose)
         unheld = motions @ loose @ turned[0]
     return _Balance(rates @ settled, twists @ settled, unheld)
+
+
+def _yielding(
+    rows: StrutRows, failures: FailureSet
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the motions that springs hold: twists (6, c), rates (N, c), and what else yields.
+
+    That are the directions that joints bar, by the root of their stiffness, (b, c); none where
+    they are rigid.
+    """
+    attachment = attachment_of(rows.mechanism, failures.lost)
+    if not flexures_yield(rows):
+        twists, rates = rows.motions(attachment)
+        return twists, rates, np.zeros((0, twists.shape[1]))
+    twists, rates = motions(rows.constraints, attachment, np.eye(6))
+    barred = rows.structure[attachment.attached[rows.structure_strut]]
+    return twists, rates, np.sqrt(rows.mechanism.flexure_stiffness) * (barred @ twists)
 
 
 def _responses(
@@ -226,6 +245,22 @@ def relative_stiffness(mechanism: Mechanism) -> FloatArray:
     """
     given = mechanism.drive_stiffness
     return given / mechanism.rate_scale**2 if np.isfinite(given).all() else np.ones(len(given))
+
+
+def flexures_yield(rows: StrutRows) -> bool:
+    """Return whether it is known how stiff everything is: drives, and what the joints bar.
+
+    Parameters
+    ----------
+    rows : StrutRows
+
+    Returns
+    -------
+    bool
+    """
+    mechanism = rows.mechanism
+    known = np.isfinite([*mechanism.drive_stiffness, mechanism.flexure_stiffness]).all()
+    return bool(known) and rows.given is None
 
 
 def _sprung(mechanism: Mechanism, failures: FailureSet) -> BoolArray:

@@ -7,8 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
-from fault_tolerance.detection.responses import Responses, Sensors, relative_stiffness, responses
+from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
+from fault_tolerance.detection.responses import (
+    Responses,
+    Sensors,
+    flexures_yield,
+    relative_stiffness,
+    responses,
+)
 from fault_tolerance.kinematics.differential import (
     DifferentialKinematics,
     differential_kinematics,
@@ -16,8 +22,9 @@ from fault_tolerance.kinematics.differential import (
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.kinematics.subspaces import null_space
+from fault_tolerance.kinematics.subspaces import null_space, range_basis
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
+from fault_tolerance.mechanism.freedom import attachment_of
 
 
 def task_motions(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
@@ -78,6 +85,11 @@ def still_strains(rows: StrutRows, failures: FailureSet) -> FloatArray:
     active = differential_kinematics(rows, failures).active
     stiffness = relative_stiffness(rows.mechanism)
     pushed = (stiffness / stiffness.max())[:, None] * task_motions(rows, holding)
+    if flexures_yield(rows):
+        # What the joints bar moves a little, what they allow not at all.
+        allowed, _ = rows.motions(attachment_of(rows.mechanism, failures.lost))
+        found = responses(rows, failures, (HEALTHY,), Sensors(pose=True))
+        pushed = found.matrices[0, -6:].T @ range_basis(allowed)
     basis = null_space(pushed[active].T, 1.0)
     result = np.zeros((len(active), basis.shape[1]))
     result[active] = basis
