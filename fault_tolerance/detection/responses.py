@@ -52,7 +52,8 @@ class Responses:
         How the channels move by what is not known: a drive that runs away, a reading that jumps,
         a platform that nothing holds any more. Zero where there is nothing unknown.
     load : (N, n) array
-        Orthonormal basis of the motions of the encoders under loads on the platform.
+        Orthonormal basis of the motions of the encoders under loads on the platform, as far as
+        the joints allow them: any motion whatever would fit what they bar, too.
     seen : (c,) array of bool
         The channels there are: no encoders of lost struts, efforts and pose only if believed.
     """
@@ -109,7 +110,7 @@ def responses(
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
     yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
     known = _failures_with(mechanism, failures, HEALTHY, found)
-    load = np.ascontiguousarray(range_basis(yields * _balance(rows, known).joints))
+    load = np.ascontiguousarray(range_basis(yields * _balance(rows, known, rigid=True).joints))
     return Responses(
         tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
     )
@@ -125,36 +126,37 @@ class _Balance(NamedTuple):
     """(N + 6,): the motion of joints and platform that no spring holds, if there is one."""
 
 
-def _balance(rows: StrutRows, failures: FailureSet) -> _Balance:
+def _balance(rows: StrutRows, failures: FailureSet, *, rigid: bool = False) -> _Balance:
     """Return where the mechanism settles with ``failures`` (docs/detection.md, eq. 1).
+
+    With ``rigid`` what the joints bar does not yield.
 
     What no spring holds is held by the friction of free drives, and beyond that moves as little
     as it can.
     """
     mechanism = rows.mechanism
-    twists, rates, barred = _yielding(rows, failures)
+    twists, rates, barred = _yielding(rows, failures, rigid)
     sprung, free = _sprung(mechanism, failures), _named(mechanism, failures.free)
     root = np.sqrt(relative_stiffness(mechanism)) * sprung
-    weighted = np.vstack([root[:, None] * rates, barred])
-    left, sigma, right = decomposed(weighted / root.max(initial=1.0))
+    largest = root.max(initial=1.0)
+    root, barred = root / largest, barred / largest
+    left, sigma, right = decomposed(np.vstack([root[:, None] * rates, barred]))
     rank = rank_of(sigma, 1.0)
-    settled = (right[:rank].T / sigma[:rank]) @ left[: len(root), :rank].T * (
-        root / root.max(initial=1.0)
-    )
+    settled = (right[:rank].T / sigma[:rank]) @ left[: len(root), :rank].T * root
     loose = right[rank:].T
     if loose.shape[1] and free.any():
         held = np.linalg.pinv(rates[free] @ loose, rcond=RANK_TOLERANCE)
         settled = settled - loose @ (held @ (rates[free] @ settled))
-    motions = np.vstack([rates, twists])
-    unheld = np.zeros(len(motions))
+    unheld = np.zeros(len(rates) + len(twists))
     if loose.shape[1]:
-        _, _, turned = decomposed(motions @ loose)
-        unheld = motions @ loose @ turned[0]
+        ways = np.vstack([rates, twists]) @ loose
+        _, _, turned = decomposed(ways)
+        unheld = ways @ turned[0]
     return _Balance(rates @ settled, twists @ settled, unheld)
 
 
 def _yielding(
-    rows: StrutRows, failures: FailureSet
+    rows: StrutRows, failures: FailureSet, rigid: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the motions that springs hold: twists (6, c), rates (N, c), and what else yields.
 
@@ -162,7 +164,7 @@ def _yielding(
     they are rigid.
     """
     attachment = attachment_of(rows.mechanism, failures.lost)
-    if not flexures_yield(rows):
+    if rigid or not flexures_yield(rows):
         twists, rates = rows.motions(attachment)
         return twists, rates, np.zeros((0, twists.shape[1]))
     twists, rates = motions(rows.constraints, attachment, np.eye(6))
