@@ -10,6 +10,7 @@ rates in directions that do not move a healthy platform.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from fault_tolerance.detection.suspicion import Suspicion
 from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.mechanism.arrays import FloatArray
+from fault_tolerance.mechanism.arrays import FloatArray, decimal
 from fault_tolerance.mechanism.description import Mechanism
 
 RELIEF_EVERY = 10
@@ -98,6 +99,30 @@ class Monitor:
         if kept != before:
             self.prober.look_again()
         return tuple(one.text for one in kept)
+
+    def values(self) -> dict[str, str]:
+        """Return what belongs into the metrics.
+
+        Returns
+        -------
+        dict
+            Texts by key.
+        """
+        suspicions, since = self.detector.suspicions, self.prober.latent_since_probe
+        passive = self.prober.isolability(False)
+        alike = [group for group in passive.classes if len(group) > 1] if passive else []
+        moving = [one.name for one in suspicions if one.moves_though_stuck(self._failures)]
+        ahead = sorted((one.outlook.measure, one.worst_next) for one in suspicions if one.outlook)
+        force = self.internal_force
+        return {
+            'inconsistent': ', '.join(moving),
+            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
+            'worst_next_suspected': ahead[0][1] if ahead else '',
+            'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
+            'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
+            'latent_since_probe': decimal(since) if isfinite(since) else '',
+            'internal_force': decimal(force) if isfinite(force) else '',
+        }
 
     def observe(
         self,

@@ -9,7 +9,6 @@ It works on what goes over the topics, stamps included, so a recording of them g
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import isfinite
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -33,7 +32,7 @@ from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.arrays import FloatArray, decimal
+from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.late_service import Answer, LateService
 from fault_tolerance.nodes.messages import (
@@ -181,33 +180,6 @@ class SilentFailures:
             if one not in present:
                 logger.info(f'detection: {one.name} does what it is told again')
         self._publish()
-
-    def values(self) -> dict[str, str]:
-        """Return what belongs into the metrics.
-
-        Returns
-        -------
-        dict
-            Texts by key.
-        """
-        monitor = self.monitor
-        suspicions = monitor.detector.suspicions
-        passive = monitor.prober.isolability(False) if self._listening else None
-        alike = [group for group in passive.classes if len(group) > 1] if passive else []
-        since = monitor.prober.latent_since_probe
-        ahead = sorted((one.outlook.measure, one.worst_next) for one in suspicions if one.outlook)
-        return {
-            'inconsistent': ', '.join(
-                one.name for one in suspicions if one.moves_though_stuck(self._failures)
-            ),
-            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
-            'worst_next_suspected': ahead[0][1] if ahead else '',
-            'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
-            'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
-            'latent_since_probe': decimal(since) if isfinite(since) else '',
-            'internal_force': decimal(monitor.internal_force)
-            if isfinite(monitor.internal_force) else '',
-        }
 
     def _nanoseconds(self, stamp: Time) -> int:
         if stamp.sec or stamp.nanosec:

@@ -165,6 +165,7 @@ def test_a_group_of_struts_is_not_acted_on_and_costs_the_margin():
     assert found.outlook.tolerable
     assert found.outlook.measure == 0.0
     assert found.values(acting=False)['worst_next'].endswith(' 0')
+    assert loop.monitor.values()['worst_next_suspected'].endswith(' 0')
 
 
 def test_a_group_of_which_one_cannot_be_tolerated_stops_the_machine():
