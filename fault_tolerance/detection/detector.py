@@ -34,6 +34,9 @@ PATIENCE = 1_000_000_000
 LATEST = 50_000_000
 """Nanoseconds by which a command may be slower than the fastest: then nobody knows its effect."""
 
+RESTED = 3_000_000_000
+"""Nanoseconds after which a drive that is not seen to move by itself any more is at rest."""
+
 MOTION = 20.0
 """How far a setpoint goes at least, over the noise, for its encoder to show whether it reads."""
 
@@ -232,6 +235,9 @@ class Detector:
         self.renewed = tuple(
             one for one, renewal in self._renewals.items() if renewal.take(*taken)
         )
+        for one, renewal in list(self._renewals.items()):
+            if one.verdict.symptom is Symptom.RUNAWAY and stamp - renewal.seen > RESTED:
+                del self._renewals[one]
         if not self.is_blind:
             assert self._bank is not None
             self._bank.take(*taken)
