@@ -137,13 +137,18 @@ class Detector:
     def forget(self, fresh: int = 0) -> tuple[Suspicion, ...]:
         """Drop what has been found, but for what was seen in the last ``fresh`` ns.
 
+        That a drive moves which was reported stuck is dropped with that report.
+
         Returns
         -------
         tuple of Suspicion
             What stays.
         """
-        now = self._stamp or 0
-        kept = {one: found for one, found in self._renewals.items() if now - found.seen < fresh}
+        now, failures = self._stamp or 0, self._modelled[0]
+        kept = {
+            one: found for one, found in self._renewals.items()
+            if now - found.seen < fresh and not one.moves_though_stuck(failures)
+        }
         if len(kept) < len(self._renewals):
             self._renewals, self.forming, self.rows = kept, None, None
         return self.suspicions

@@ -112,9 +112,14 @@ def test_what_is_acted_on_as_stuck_and_moves_is_found():
     loop.run(0.5)
     assert [one.verdict.symptom for one in suspected(loop)] == [Symptom.STUCK, Symptom.RUNAWAY]
     assert suspected(loop)[1].obstacle(loop.supervisor.failures) == 'reported stuck, but moving'
+    again = loop.forked(5)
     loop.inject('silent stuck leg_2')
     loop.run(3.2)
     assert [one.verdict.symptom for one in suspected(loop)] == [Symptom.STUCK]
+    # With the report that it is stuck goes that it moves nevertheless.
+    again.inject('silent ok leg_2')
+    assert again.clear().message == 'still reported: leg_2 (position); now degraded'
+    assert [one.verdict.symptom for one in suspected(again)] == [Symptom.STUCK]
     assert loop.supervisor.output.state is State.DEGRADED
 
 
