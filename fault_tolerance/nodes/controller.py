@@ -69,7 +69,7 @@ class Controller(Node):
         )
         live.keep(supervisor, self._silent)
         self._status = StatusPublisher(
-            self, supervisor, prefix, self.deferred, self._health, self._silent.monitor.values,
+            self, supervisor, prefix, self.deferred, self._health, self._silent.values,
             self._inputs.missing_joint_states,
         )
         self._reports = ReportSubscriber(

@@ -155,6 +155,10 @@ class SilentFailures:
             self._service.answer(True, monitor.prober.finding)
         self._supervisor.move_beside(monitor.rates)
 
+    def values(self) -> dict[str, str]:
+        """Return what belongs into the metrics, texts by key."""
+        return self.monitor.values()
+
     def forget(self) -> tuple[str, ...]:
         """Drop what has been found; return what is still seen, in the words of the ledger."""
         return self.monitor.forget(self._supervisor.settings.report_timeout)
