@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fault_tolerance.control.failure_reports import ERROR, OK, Report
-from fault_tolerance.control.output import Output
+from fault_tolerance.control.output import ClearOutcome, Output
 from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, State
@@ -162,22 +162,27 @@ class ClosedLoop:
         ]
         self.supervisor.reports(reports, self._now)
 
-    def clear(self) -> None:
-        """Release the failures that are not reported any more."""
-        self.supervisor.clear(self._now)
-        self.monitor.forget()
+    def clear(self) -> ClearOutcome:
+        """Release the failures that are neither reported nor seen any more.
+
+        Returns
+        -------
+        ClearOutcome
+        """
+        seen = self.monitor.forget(self.settings.control.report_timeout)
+        return self.supervisor.clear(self._now, seen)
 
     def _listen(self, seen: PlantState, output: Output) -> None:
         """Look for failures that nobody reports, after the command; act on them if that is set."""
         monitor, supervisor, stamp = self.monitor, self.supervisor, round(1e9 * self._now)
         monitor.detector.command(stamp, output.rates)
         estimate = output.estimate
-        found = monitor.observe(
+        monitor.observe(
             Sighting(stamp, seen.measured_values, seen.efforts), output.failures, estimate.pose,
             lambda: strut_rows(estimate.configuration), output.state in MOVING,
         )
-        if found and monitor.acts:
-            supervisor.reports([detected(monitor.detector.suspicions[-1], self._now)], self._now)
+        reports = [detected(one, self._now) for one in monitor.to_report]
+        if reports and supervisor.reports(reports, self._now):
             self.plant.command(supervisor.step(self._now).rates)
             monitor.detector.command(stamp, supervisor.output.rates)
         supervisor.move_beside(monitor.rates)

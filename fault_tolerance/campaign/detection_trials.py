@@ -16,7 +16,7 @@ import numpy as np
 from fault_tolerance.campaign.healthy_machine import NO_FLAWS, Flaws, healthy_cycles
 from fault_tolerance.campaign.replaying import BINS, PER_UNIT, replay
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-from fault_tolerance.detection.detector import CYCLES
+from fault_tolerance.detection.filter_bank import CYCLES
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.kernel.compilation import around, best_kernel
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -175,7 +175,7 @@ def _watched(loop: ClosedLoop, probing: bool) -> tuple[int | None, dict[int, int
     """Return after how many cycles something is suspected, and when thresholds were passed."""
     detector, levels = loop.monitor.detector, dict[int, int]()
     if probing:
-        loop.monitor.request_probe()
+        loop.monitor.prober.request()
     for cycle in range(1, round(PATIENCE / PERIOD) + 1):
         loop.run(PERIOD)
         if detector.suspicions or detector.forming:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fault_tolerance.control.estimate import Estimate
@@ -137,13 +138,18 @@ class ClearOutcome:
     """What was, what is still reported, and the state now."""
 
 
-def clear_outcome(cleared: LedgerClear, lifted: bool, state: str) -> ClearOutcome:
-    """Return what a clear did: failures ``cleared``, a stop ``lifted``, and the ``state`` now."""
-    parts = []
+def clear_outcome(
+    cleared: LedgerClear, seen: Sequence[str], lifted: bool, state: str
+) -> ClearOutcome:
+    """Return what a clear did: failures ``cleared``, a stop ``lifted``, and the ``state`` now.
+
+    What is still ``seen`` counts as still reported.
+    """
+    parts, remaining = [], dict.fromkeys([*cleared.remaining, *seen])
     if cleared.released:
         parts.append(f'released {", ".join(cleared.released)}')
-    if cleared.remaining:
-        parts.append(f'still reported: {", ".join(cleared.remaining)}')
+    if remaining:
+        parts.append(f'still reported: {", ".join(remaining)}')
     if not parts:
         parts.append('stop lifted' if lifted else 'nothing to release')
     return ClearOutcome(bool(cleared.released) or lifted, f'{"; ".join(parts)}; now {state}')

@@ -175,8 +175,11 @@ class Supervisor:
                 self._machine.release()
         return update
 
-    def clear(self, now: float) -> ClearOutcome:
-        """Release what is not reported any more ``now``, lift a stop; return what came of it."""
+    def clear(self, now: float, seen: Sequence[str] = ()) -> ClearOutcome:
+        """Release what is not reported any more ``now``, lift a stop; return what came of it.
+
+        What detection has still ``seen``, in the words of the ledger, is named with the rest.
+        """
         self._pass_time(now)
         cleared = self._ledger.clear(now)
         self._readings.have_failed(self._ledger.failures)
@@ -185,7 +188,7 @@ class Supervisor:
         self._parking.end()
         was_stopped = self._machine.release()
         state = self.step(now).state.value
-        return clear_outcome(cleared, was_stopped and not self._machine.stop, state)
+        return clear_outcome(cleared, seen, was_stopped and not self._machine.stop, state)
 
     def move_beside(self, rates: FloatArray | None) -> None:
         """Add rates to every command from the next step on, while the failures stay the same.

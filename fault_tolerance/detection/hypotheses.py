@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from itertools import combinations
@@ -39,6 +39,8 @@ class Symptom(Enum):
     """The drive moves as it likes."""
     SWAPPED = 'order'
     """Two drives get each other's commands."""
+    HEALED = 'healed'
+    """What has been found is there no more."""
 
     @property
     def mode(self) -> FailureMode | None:
@@ -61,6 +63,7 @@ _MODES: dict[Symptom, FailureMode | None] = {
     Symptom.REVERSED: FailureMode.POSITION,
     Symptom.RUNAWAY: None,
     Symptom.SWAPPED: None,
+    Symptom.HEALED: FailureMode.NONE,
 }
 
 PAPER = (Symptom.STUCK, Symptom.FREE, Symptom.FROZEN, Symptom.LOST)
@@ -99,7 +102,10 @@ HEALTHY = Hypothesis(Symptom.HEALTHY)
 
 
 def hypotheses(
-    mechanism: Mechanism, failures: FailureSet, symptoms: tuple[Symptom, ...] = tuple(Symptom)
+    mechanism: Mechanism,
+    failures: FailureSet,
+    symptoms: tuple[Symptom, ...] = tuple(Symptom),
+    found: Sequence[Hypothesis] = (),
 ) -> tuple[Hypothesis, ...]:
     """Return what may have happened to the parts that have not failed; `HEALTHY` is the first.
 
@@ -110,12 +116,18 @@ def hypotheses(
         What is known to have failed.
     symptoms : tuple of Symptom
         The ways to fail.
+    found : sequence of Hypothesis
+        Failures without a report of drives that are commanded nevertheless: they may heal, and
+        then move as they are told, not by themselves.
 
     Returns
     -------
     tuple of Hypothesis
     """
-    return (HEALTHY, *_further(mechanism, failures, symptoms))
+    moving = {Hypothesis(Symptom.RUNAWAY, one.name) for one in found}
+    further = (one for one in _further(mechanism, failures, symptoms) if one not in moving)
+    healed = (Hypothesis(Symptom.HEALED, one.name) for one in found)
+    return (HEALTHY, *further, *healed)
 
 
 def _further(
@@ -135,5 +147,5 @@ def _further(
         elif symptom is Symptom.RUNAWAY:
             # Those reported stuck, too: they may move after all.
             yield from (Hypothesis(symptom, name) for name in (*working, *failures.stuck))
-        elif symptom is not Symptom.HEALTHY:
+        elif symptom not in (Symptom.HEALTHY, Symptom.HEALED):
             yield from (Hypothesis(symptom, name) for name in working)

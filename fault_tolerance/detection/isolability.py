@@ -22,7 +22,7 @@ from fault_tolerance.detection.hypotheses import (
     hypotheses,
 )
 from fault_tolerance.detection.responses import Sensors, responses
-from fault_tolerance.detection.separation import self_stress, separations, task_motions
+from fault_tolerance.detection.separation import separations, still_strains, task_motions
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
@@ -38,7 +38,7 @@ class Isolability:
     Attributes
     ----------
     redundancy : int
-        r = N - n: how many independent motions of the setpoints only strain the mechanism.
+        r = N - n, of the drives that still move.
     suspects : tuple of Hypothesis
         `HEALTHY` first.
     separation : (h, h) array
@@ -69,15 +69,17 @@ class Isolability:
         """What looks as if nothing had failed."""
         return tuple(one for one in self.class_of(HEALTHY) if one != HEALTHY)
 
-    @property
-    def limits(self) -> str:
-        """What is not seen, and what looks alike, as the rest of a sentence; empty if nothing."""
+    def limits(self, when: str = '') -> str:
+        """Return what is not seen, and what looks alike, as the rest of a sentence.
+
+        ``when`` says when it is not seen. Empty if there is nothing.
+        """
         hidden = ', '.join(map(str, self.undetectable))
         alike = [
             ', '.join(map(str, group)) for group in self.classes
             if len(group) > 1 and HEALTHY not in group
         ]
-        text = f'; not to be seen: {hidden}' if hidden else ''
+        text = f'; not to be seen{when}: {hidden}' if hidden else ''
         return text + ''.join(f'; would look alike: {group}' for group in alike)
 
 
@@ -116,6 +118,7 @@ def isolability(
     *,
     sensors: Sensors | None = None,
     probe: bool = False,
+    at_rest: bool = False,
     symptoms: tuple[Symptom, ...] = PAPER,
     least: float = NOT_SEPARATED,
 ) -> Isolability:
@@ -131,6 +134,8 @@ def isolability(
         The encoders alone by default.
     probe : bool
         Whether the mechanism is strained in itself too, beside the motions of its task.
+    at_rest : bool
+        Whether its task does not move it.
     symptoms : tuple of Symptom
         The ways to fail.
     least : float
@@ -151,12 +156,12 @@ def isolability(
     found = responses(rows, failures, suspects, sensors)
     kinematics = reconfigured(rows, failures).present
     motions = task_motions(rows, kinematics)
-    strains = self_stress(rows, kinematics)
-    commanded = np.hstack([motions, strains]) if probe else motions
+    redundancy = int(kinematics.active.sum()) - motions.shape[1]
+    commanded = motions[:, :0] if at_rest else motions
+    if probe:
+        commanded = np.linalg.qr(np.hstack([commanded, still_strains(rows, failures)]))[0]
     separation = separations(found, commanded)
-    return Isolability(
-        strains.shape[1], suspects, separation, _classes(suspects, separation > least)
-    )
+    return Isolability(redundancy, suspects, separation, _classes(suspects, separation > least))
 
 
 def _classes(

@@ -127,6 +127,21 @@ class ProbeRecord:
         self._moved.append(moved)
         self._explained.append(explained)
 
+    def reach(self, strain: FloatArray) -> float:
+        """Return how far the task has moved any setpoint meanwhile, metres.
+
+        Parameters
+        ----------
+        strain : (N, r) array
+            Orthonormal directions of the probe.
+
+        Returns
+        -------
+        float
+        """
+        setpoints = np.cumsum(self._moved, axis=0)
+        return float(np.ptp(setpoints - setpoints @ strain @ strain.T, axis=0).max())
+
     def odds(self, found: Responses, strain: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the log-likelihood of every hypothesis of ``found`` (h,), up to a constant.
 

@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
-from fault_tolerance.kinematics.failures import FailureSet
+from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
+from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.kinematics.subspaces import range_basis, rank_of
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.mechanism.description import Mechanism
-from fault_tolerance.mechanism.freedom import attachment_of
+from fault_tolerance.mechanism.freedom import attachment_of, motions
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.tolerances import RANK_TOLERANCE
 
@@ -52,7 +52,8 @@ class Responses:
         How the channels move by what is not known: a drive that runs away, a reading that jumps,
         a platform that nothing holds any more. Zero where there is nothing unknown.
     load : (N, n) array
-        Orthonormal basis of the motions of the encoders under loads on the platform.
+        Orthonormal basis of the motions of the encoders under loads on the platform, as far as
+        the joints allow them: any motion whatever would fit what they bar, too.
     seen : (c,) array of bool
         The channels there are: no encoders of lost struts, efforts and pose only if believed.
     """
@@ -73,6 +74,7 @@ def responses(
     failures: FailureSet,
     suspects: Sequence[Hypothesis],
     sensors: Sensors | None = None,
+    found: Sequence[Hypothesis] = (),
 ) -> Responses:
     """Return what the sensors show under each of the hypotheses ``suspects``.
 
@@ -85,6 +87,8 @@ def responses(
     suspects : sequence of Hypothesis
     sensors : Sensors, optional
         The encoders alone by default.
+    found : sequence of Hypothesis
+        What has failed besides; the drives may still be commanded.
 
     Returns
     -------
@@ -96,18 +100,17 @@ def responses(
     drift = np.zeros(matrices.shape[:2])
     alike: dict[FailureSet, list[int]] = {}
     for place, suspect in enumerate(suspects):
-        alike.setdefault(_failures_with(failures, suspect), []).append(place)
+        alike.setdefault(_failures_with(mechanism, failures, suspect, found), []).append(place)
     for broken, places in alike.items():
         matrices[places], drift[places] = _responses(
-            rows, broken, [suspects[place] for place in places]
+            rows, broken, [suspects[place] for place in places], found
         )
-    present = attachment_of(mechanism, failures.lost).held
-    seen = np.concatenate([
-        present, present & sensors.efforts, np.full(6, sensors.pose)
-    ])
+    held = attachment_of(mechanism, failures.lost).held
+    seen = np.concatenate([held, held & sensors.efforts, np.full(6, sensors.pose)])
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
     yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
-    load = np.ascontiguousarray(range_basis(yields * _balance(rows, failures).joints))
+    known = _failures_with(mechanism, failures, HEALTHY, found)
+    load = np.ascontiguousarray(range_basis(yields * _balance(rows, known, rigid=True).joints))
     return Responses(
         tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
     )
@@ -123,34 +126,57 @@ class _Balance(NamedTuple):
     """(N + 6,): the motion of joints and platform that no spring holds, if there is one."""
 
 
-def _balance(rows: StrutRows, failures: FailureSet) -> _Balance:
+def _balance(rows: StrutRows, failures: FailureSet, *, rigid: bool = False) -> _Balance:
     """Return where the mechanism settles with ``failures`` (docs/detection.md, eq. 1).
+
+    With ``rigid`` what the joints bar does not yield.
 
     What no spring holds is held by the friction of free drives, and beyond that moves as little
     as it can.
     """
     mechanism = rows.mechanism
-    twists, rates = rows.motions(attachment_of(mechanism, failures.lost))
+    twists, rates, barred = _yielding(rows, failures, rigid)
     sprung, free = _sprung(mechanism, failures), _named(mechanism, failures.free)
     root = np.sqrt(relative_stiffness(mechanism)) * sprung
-    weighted = root[:, None] * rates
-    left, sigma, right = decomposed(weighted)
+    largest = root.max(initial=1.0)
+    root, barred = root / largest, barred / largest
+    left, sigma, right = decomposed(np.vstack([root[:, None] * rates, barred]))
     rank = rank_of(sigma, 1.0)
-    settled = (right[:rank].T / sigma[:rank]) @ left[:, :rank].T * root
+    settled = (right[:rank].T / sigma[:rank]) @ left[: len(root), :rank].T * root
     loose = right[rank:].T
     if loose.shape[1] and free.any():
         held = np.linalg.pinv(rates[free] @ loose, rcond=RANK_TOLERANCE)
         settled = settled - loose @ (held @ (rates[free] @ settled))
-    motions = np.vstack([rates, twists])
-    unheld = np.zeros(len(motions))
+    unheld = np.zeros(len(rates) + len(twists))
     if loose.shape[1]:
-        _, _, turned = decomposed(motions @ loose)
-        unheld = motions @ loose @ turned[0]
+        ways = np.vstack([rates, twists]) @ loose
+        _, _, turned = decomposed(ways)
+        unheld = ways @ turned[0]
     return _Balance(rates @ settled, twists @ settled, unheld)
 
 
+def _yielding(
+    rows: StrutRows, failures: FailureSet, rigid: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the motions that springs hold: twists (6, c), rates (N, c), and what else yields.
+
+    That are the directions that joints bar, by the root of their stiffness, (b, c); none where
+    they are rigid.
+    """
+    attachment = attachment_of(rows.mechanism, failures.lost)
+    if rigid or not flexures_yield(rows):
+        twists, rates = rows.motions(attachment)
+        return twists, rates, np.zeros((0, twists.shape[1]))
+    twists, rates = motions(rows.constraints, attachment, np.eye(6))
+    barred = rows.structure[attachment.attached[rows.structure_strut]]
+    return twists, rates, np.sqrt(rows.mechanism.flexure_stiffness) * (barred @ twists)
+
+
 def _responses(
-    rows: StrutRows, failures: FailureSet, suspects: Sequence[Hypothesis]
+    rows: StrutRows,
+    failures: FailureSet,
+    suspects: Sequence[Hypothesis],
+    found: Sequence[Hypothesis],
 ) -> tuple[FloatArray, FloatArray]:
     """Return matrices (g, c, N) and drifts (g, c) of hypotheses that share one balance."""
     mechanism, balance = rows.mechanism, _balance(rows, failures)
@@ -169,15 +195,16 @@ def _responses(
             balance.twist @ setpoints,
         ], axis=-2)
 
-    obeyed = np.tile(np.diag(np.where(stuck, 0.0, 1.0)), (len(suspects), 1, 1))
     places = {name: place for place, name in enumerate(mechanism.actuator_names)}
+    obeyed = np.tile(np.diag(np.where(stuck, 0.0, 1.0)), (len(suspects), 1, 1))
     for matrix, suspect in zip(obeyed, suspects, strict=True):
-        mine = places.get(suspect.name, 0)
-        if suspect.symptom in _OBEDIENCE:
-            matrix[mine] *= _OBEDIENCE[suspect.symptom]
-        elif suspect.symptom is Symptom.SWAPPED:
-            pair = [mine, places[suspect.other]]
-            matrix[pair] = matrix[pair[::-1]]
+        for one in _present(suspect, found):
+            mine = places.get(one.name, 0)
+            if one.symptom in _OBEDIENCE:
+                matrix[mine] *= _OBEDIENCE[one.symptom]
+            elif one.symptom is Symptom.SWAPPED:
+                pair = [mine, places[one.other]]
+                matrix[pair] = matrix[pair[::-1]]
     matrices, alone = channels(obeyed), channels(np.eye(count))
     loose = np.concatenate([
         np.where(own, 0.0, balance.loose[:count]),
@@ -191,10 +218,12 @@ def _responses(
             drifts[place] = alone[:, mine]
         elif suspect.symptom in (Symptom.FREE, Symptom.LOST):
             drifts[place] = loose
-        elif suspect.symptom is Symptom.FROZEN:
-            matrices[place, mine] = 0.0
         elif suspect.symptom is Symptom.BIASED:
             drifts[place, mine] = 1.0
+        for one in _present(suspect, found):
+            if one.symptom is Symptom.FROZEN:
+                frozen_one = places[one.name]
+                matrices[place, frozen_one] = drifts[place, frozen_one] = 0.0
     return matrices, drifts
 
 
@@ -220,20 +249,48 @@ def relative_stiffness(mechanism: Mechanism) -> FloatArray:
     return given / mechanism.rate_scale**2 if np.isfinite(given).all() else np.ones(len(given))
 
 
+def flexures_yield(rows: StrutRows) -> bool:
+    """Return whether it is known how stiff everything is: drives, and what the joints bar.
+
+    Parameters
+    ----------
+    rows : StrutRows
+
+    Returns
+    -------
+    bool
+    """
+    mechanism = rows.mechanism
+    known = np.isfinite([*mechanism.drive_stiffness, mechanism.flexure_stiffness]).all()
+    return bool(known) and rows.given is None
+
+
 def _sprung(mechanism: Mechanism, failures: FailureSet) -> BoolArray:
     """Return which drives hold their joints: those neither free nor in lost struts."""
     held = attachment_of(mechanism, failures.lost).held
     return np.asarray(held & ~_named(mechanism, failures.free))
 
 
-def _failures_with(failures: FailureSet, suspect: Hypothesis) -> FailureSet:
-    """Return ``failures`` with the free drive or the lost strut of ``suspect``."""
-    stuck, free, lost = failures.stuck, failures.free, failures.lost
-    if suspect.symptom is Symptom.FREE:
-        free = (*free, suspect.name)
-    elif suspect.symptom is Symptom.LOST:
-        lost = (*lost, suspect.name)
-    return FailureSet(stuck, free, lost)
+def _present(suspect: Hypothesis, found: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return what is wrong if ``suspect`` is true, besides what has been ``found``."""
+    if suspect.symptom is Symptom.HEALED:
+        return tuple(one for one in found if one.name != suspect.name)
+    return (*found, suspect)
+
+
+def _failures_with(
+    mechanism: Mechanism, failures: FailureSet, suspect: Hypothesis, found: Sequence[Hypothesis]
+) -> FailureSet:
+    """Return ``failures`` with the free drives and lost struts if ``suspect`` is true."""
+    healed = suspect.name if suspect.symptom is Symptom.HEALED else None
+    further = [
+        f'{one.symptom.value}:{one.name}' for one in _present(suspect, found)
+        if one.symptom in (Symptom.FREE, Symptom.LOST)
+    ]
+    if not further and healed is None:
+        return failures
+    kept = (one for one in failures.failures if one.name != healed)
+    return failure_set(mechanism, [*kept, *further])
 
 
 def _named(mechanism: Mechanism, names: Sequence[str]) -> BoolArray:

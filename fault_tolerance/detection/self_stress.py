@@ -10,7 +10,7 @@ from math import inf
 import numpy as np
 
 from fault_tolerance.detection.responses import relative_stiffness
-from fault_tolerance.detection.separation import self_stress
+from fault_tolerance.detection.separation import self_stress, still_strains
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
@@ -36,7 +36,8 @@ class SelfStress:
         Orthonormal motions of the setpoints that only strain the mechanism, metres; zero rows for
         drives that do not hold.
     probing : (N, k) array
-        The same of those drives that still move: what a probe may use.
+        Orthonormal motions of the drives that still move which strain it at rest, metres: what a
+        probe may use.
     """
 
     def __init__(self, rows: StrutRows, failures: FailureSet) -> None:
@@ -44,12 +45,11 @@ class SelfStress:
         self._scale = rows.rate_scale
         holding = differential_kinematics(rows, FailureSet((), failures.free, failures.lost))
         self.basis = self_stress(rows, holding)
-        present = differential_kinematics(rows, failures)
-        self.probing = self_stress(rows, present)
+        self.probing = still_strains(rows, failures)
         self._stiffness = mechanism.drive_stiffness
         yielding = 1.0 / relative_stiffness(mechanism)
         # Setpoints that do not move are those of drives that have failed.
-        movable = self.basis * present.active[:, None]
+        movable = self.basis * differential_kinematics(rows, failures).active[:, None]
         self._lead = np.linalg.pinv(movable.T, rcond=1e-6)
         self._stiff = self.basis @ np.linalg.pinv(self.basis.T @ (yielding[:, None] * self.basis))
 

@@ -7,14 +7,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
-from fault_tolerance.detection.responses import Responses, Sensors, responses
-from fault_tolerance.kinematics.differential import DifferentialKinematics
+from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
+from fault_tolerance.detection.responses import (
+    Responses,
+    Sensors,
+    flexures_yield,
+    relative_stiffness,
+    responses,
+)
+from fault_tolerance.kinematics.differential import (
+    DifferentialKinematics,
+    differential_kinematics,
+)
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.kinematics.subspaces import null_space
+from fault_tolerance.kinematics.subspaces import null_space, range_basis
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
+from fault_tolerance.mechanism.freedom import attachment_of
 
 
 def task_motions(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
@@ -51,6 +61,38 @@ def self_stress(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArr
     motions, active = task_motions(rows, kinematics), kinematics.active
     result = np.zeros((len(active), int(active.sum()) - motions.shape[1]))
     result[active] = null_space(motions[active].T, 1.0)
+    return frozen(result)
+
+
+def still_strains(rows: StrutRows, failures: FailureSet) -> FloatArray:
+    """Return an orthonormal basis (N, k) of the commands that strain the mechanism at rest.
+
+    The forces K m of the drives must be in balance, docs/detection.md, eq. 7. Drives that are
+    stuck hold as springs do, and yield: their redundancy strains nothing.
+
+    Parameters
+    ----------
+    rows : StrutRows
+    failures : FailureSet
+        Those in force.
+
+    Returns
+    -------
+    (N, k) array
+        Metres; zero rows for the drives that have failed.
+    """
+    holding = differential_kinematics(rows, FailureSet((), failures.free, failures.lost))
+    active = differential_kinematics(rows, failures).active
+    stiffness = relative_stiffness(rows.mechanism)
+    pushed = (stiffness / stiffness.max())[:, None] * task_motions(rows, holding)
+    if flexures_yield(rows):
+        # What the joints bar moves a little, what they allow not at all.
+        allowed, _ = rows.motions(attachment_of(rows.mechanism, failures.lost))
+        found = responses(rows, failures, (HEALTHY,), Sensors(pose=True))
+        pushed = found.matrices[0, -6:].T @ range_basis(allowed)
+    basis = null_space(pushed[active].T, 1.0)
+    result = np.zeros((len(active), basis.shape[1]))
+    result[active] = basis
     return frozen(result)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
+from fault_tolerance.detection.outlook import Outlook
 from fault_tolerance.kinematics.failures import FailureMode, FailureSet, failure_set
 from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.mechanism.description import Mechanism
@@ -47,6 +48,8 @@ class Suspicion:
         The struts the candidates are about; actuators where there are no struts.
     would_separate : tuple of str
         What would tell the candidates apart: probe, efforts, pose, load.
+    outlook : Outlook or None
+        What is left if the worst candidate is true.
     """
 
     candidates: tuple[Hypothesis, ...]
@@ -55,6 +58,7 @@ class Suspicion:
     travel: float
     parts: tuple[str, ...] = ()
     would_separate: tuple[str, ...] = ()
+    outlook: Outlook | None = None
 
     @property
     def name(self) -> str:
@@ -64,6 +68,8 @@ class Suspicion:
     @property
     def verdict(self) -> Hypothesis:
         """The candidate to act on: the worst of them, the likeliest among equals."""
+        if self.outlook and not self.located:
+            return self.outlook.candidate
         return max(self.candidates, key=_severity)
 
     @property
@@ -79,20 +85,40 @@ class Suspicion:
 
     @property
     def located(self) -> bool:
-        """Whether all candidates are about one part, so that leaving it alone serves all of them.
-
-        Where one of several struts has been lost, the commands of the healthy machine serve
-        whichever it is; to leave alone the wrong one would take a second one away.
-        """
+        """Whether all candidates are about one part: leaving it alone serves all of them."""
         return len(self.parts) == 1
 
     def moves_though_stuck(self, failures: FailureSet) -> bool:
         """Return whether it is a drive that moves although ``failures`` say that it is stuck."""
         return self.verdict.symptom is Symptom.RUNAWAY and self.name in failures.stuck
 
-    def asks_to_act(self, failures: FailureSet) -> bool:
-        """Return whether it can be handled as if it had been reported, beside ``failures``."""
-        return self.located and not self.moves_though_stuck(failures)
+    def obstacle(self, failures: FailureSet) -> str:
+        """Return why it cannot be handled as if it had been reported; empty if it can.
+
+        Where one of several struts has been lost, the commands of the healthy machine serve
+        whichever it is; to leave alone the wrong one would take a second one away. Only where one
+        of the candidates cannot be tolerated, the machine has to stop.
+
+        Parameters
+        ----------
+        failures : FailureSet
+            Those in force.
+
+        Returns
+        -------
+        str
+        """
+        if self.moves_though_stuck(failures):
+            return 'reported stuck, but moving'
+        if self.located or (self.outlook is not None and not self.outlook.tolerable):
+            return ''
+        return 'which of them is not known: commands that serve them all go on'
+
+    @property
+    def worst_next(self) -> str:
+        """The next failure that hurts most if the worst candidate is true, and its measure."""
+        left = self.outlook
+        return f'{left.worst_next or ""} {decimal(left.measure)}'.strip() if left else ''
 
     def values(self, *, acting: bool) -> dict[str, str]:
         """Return what a diagnostic status says about it, texts by key.
@@ -106,7 +132,13 @@ class Suspicion:
             'onset': f'{self.onset // 10**9}.{self.onset % 10**9:09d}',
             'travel': decimal(self.travel),
             'would_separate': ', '.join(self.would_separate),
+            'worst_next': self.worst_next,
         }
+
+    @property
+    def text(self) -> str:
+        """Name and mode, as the ledger writes what has been reported."""
+        return f'{self.name} ({self.mode})'
 
     def __str__(self) -> str:
         """Return a sentence."""
@@ -160,6 +192,11 @@ def parts_of(mechanism: Mechanism, candidates: Iterable[Hypothesis]) -> tuple[st
     struts = {one.name: one.strut or one.name for one in mechanism.actuators}
     named = (name for one in candidates for name in (one.name, one.other) if name)
     return tuple(dict.fromkeys(struts.get(name, name) for name in named))
+
+
+def found_in(suspicions: Iterable[Suspicion]) -> tuple[Hypothesis, ...]:
+    """Return what ``suspicions`` most likely are; those about several parts add nothing."""
+    return tuple(one.candidates[0] for one in suspicions if one.located)
 
 
 def failures_assumed(

@@ -51,8 +51,9 @@ def mechanism_text(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     block('characteristic_length', _number(scale))
     if mechanism.compliance:
         block('compliance', _number(mechanism.compliance))
-    if not isnan(mechanism.stiffness):
-        lines.append(f'stiffness: {_number(mechanism.stiffness)}')
+    for key in ('stiffness', 'flexure_stiffness'):
+        if not isnan(getattr(mechanism, key)):
+            lines.append(f'{key}: {_number(getattr(mechanism, key))}')
     found = tuple(one.name for strut in mechanism.struts for one in strut.actuators)
     if mechanism.actuator_names != found:
         block('actuators', _names(mechanism.actuator_names))

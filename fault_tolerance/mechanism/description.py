@@ -56,6 +56,9 @@ class Mechanism:
     park : mapping of str to float
         Task coordinates, rad and m from home, where the platform may stand that cannot do its task
         any more; empty: where it is.
+    flexure_stiffness : float
+        Of the directions that the joints of a strut bar, N/m, and N/m times the square of the
+        characteristic length about an axis; NaN: not known, and taken for rigid.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Mechanism:
     stiffness: float = nan
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     park: Mapping[str, float] = field(default_factory=dict)
+    flexure_stiffness: float = nan
 
     def __repr__(self) -> str:
         struts, actuators = len(self.struts), len(self.actuators)
@@ -83,8 +87,10 @@ class Mechanism:
         if not (isfinite(self.compliance) and 0.0 <= self.compliance < 1.0):
             reason = f'{self.compliance} is not in [0, 1)'
             raise MechanismError(self.name, 'compliance', reason)
-        if not (isnan(self.stiffness) or 0.0 < self.stiffness < inf):
-            raise MechanismError(self.name, 'stiffness', f'{self.stiffness} is not positive')
+        for key in ('stiffness', 'flexure_stiffness'):
+            value = getattr(self, key)
+            if not (isnan(value) or 0.0 < value < inf):
+                raise MechanismError(self.name, key, f'{value} is not positive')
         if not self.actuators:
             found = tuple(actuator for strut in self.struts for actuator in strut.actuators)
             object.__setattr__(self, 'actuators', found)

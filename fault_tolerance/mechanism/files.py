@@ -69,6 +69,7 @@ def _mechanism(top: Section) -> Mechanism:
     length = top.number('characteristic_length', 1.0)
     compliance = top.number('compliance', 0.0)
     stiffness = top.number('stiffness', nan)
+    flexure_stiffness = top.number('flexure_stiffness', nan)
     struts: tuple[Strut, ...] = ()
     point = None
     if by_numbers:
@@ -86,7 +87,7 @@ def _mechanism(top: Section) -> Mechanism:
     with top.located():
         return Mechanism(
             name, task, struts, actuators, np.array(origin), length, compliance, point, stiffness,
-            groups, park,
+            groups, park, flexure_stiffness,
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from functools import partial
+from operator import itemgetter
 from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -89,7 +90,7 @@ class ControllerMonitor:
         by_name = {one.name.partition(': ')[2]: one for one in status}
         overall = _values(by_name.get('mechanism'))
         told = by_name['mechanism'].message if 'mechanism' in by_name else ''
-        worst, _, measure = overall.get('worst_next', '').rpartition(' ')
+        worst, measure = _worst(overall)
         return Snapshot(
             title=self._title(by_name.get('mechanism')),
             state=self._state,
@@ -97,7 +98,7 @@ class ControllerMonitor:
             reason=told.partition(': ')[2] if told.startswith(self._state) else '',
             failures=tuple(filter(None, overall.get('failures', '').split(', '))),
             worst_next=worst,
-            worst_measure=_number(measure) or 0.0,
+            worst_measure=measure,
             values={words: number for key, words in _SHOWN.items()
                     if (number := _number(overall.get(key)))},
             actuators=self._actuators(by_name),
@@ -172,6 +173,16 @@ class ControllerMonitor:
 
 def _values(status: DiagnosticStatus | None) -> dict[str, str]:
     return {pair.key: pair.value for pair in status.values} if status else {}
+
+
+def _worst(values: dict[str, str]) -> tuple[str, float]:
+    """Return the next failure that hurts most, and its measure: with what is suspected, too."""
+    told = [
+        (name, _number(measure) or 0.0) for key in ('worst_next', 'worst_next_suspected')
+        for name, _, measure in [values.get(key, '').rpartition(' ')]
+    ]
+    # While it is stopped there is none.
+    return min(filter(itemgetter(0), told), key=itemgetter(1)) if told[0][0] else ('', 0.0)
 
 
 def _suspect(status: DiagnosticStatus) -> Suspect:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rclpy.node import Node
@@ -42,17 +42,17 @@ class OperatorServices:
         The parameters of the node by name, as they are at any time.
     done : callable
         Called after either and before the response, to publish a command at once.
-    cleared : callable
-        Called after the failures have been cleared, before that.
+    forget : callable
+        Called before failures are cleared; returns those that are still seen.
     """
 
     def __init__(
         self, node: Node, supervisor: Supervisor, timeline: TimeLine, health: Health,
-        values: dict[str, Any], done: Callable[[], None], cleared: Callable[[], None],
+        values: dict[str, Any], done: Callable[[], None], forget: Callable[[], Sequence[str]],
     ) -> None:
         self._supervisor, self._timeline = supervisor, timeline
         self._health, self._values = health, values
-        self._done, self._cleared = done, cleared
+        self._done, self._forget = done, forget
         name = values['reset_service']
         self._reset = node.create_client(Trigger, name) if name else None
         self._call: Future | None = None
@@ -108,8 +108,7 @@ class OperatorServices:
         return text
 
     def _clear(self) -> Answer:
-        outcome = self._supervisor.clear(self._timeline.now())
-        self._cleared()
+        outcome = self._supervisor.clear(self._timeline.now(), self._forget())
         self._done()
         return outcome.success, outcome.message
 

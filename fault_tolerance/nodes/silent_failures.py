@@ -8,8 +8,7 @@ It works on what goes over the topics, stamps included, so a recording of them g
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import isfinite
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -33,7 +32,7 @@ from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
-from fault_tolerance.mechanism.arrays import FloatArray, decimal
+from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.late_service import Answer, LateService
 from fault_tolerance.nodes.messages import (
@@ -110,10 +109,6 @@ class SilentFailures:
             self.monitor = Monitor(self._mechanism, settings)
         self.monitor.settings = settings
 
-    def forget(self) -> None:
-        """Drop what has been found: the failures have been cleared."""
-        self.monitor.forget()
-
     def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
         """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
 
@@ -124,7 +119,7 @@ class SilentFailures:
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
-            message.header.frame_id = PROBE if self.monitor.straining else ''
+            message.header.frame_id = PROBE if self.monitor.prober.straining else ''
             if answered is not None:
                 message.position = self._mechanism.readings_from_values(answered).tolist()
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
@@ -147,55 +142,48 @@ class SilentFailures:
             self._joints.efforts(message.name, message.effort), self._pose,
         )
         self._pose, self._failures = None, output.failures
-        found = monitor.observe(
+        before = monitor.detector.suspicions
+        monitor.observe(
             sighting, output.failures, estimate.pose,
             lambda: strut_rows(estimate.configuration), output.state in MOVING,
         )
-        if found:
-            suspicion = monitor.detector.suspicions[-1]
-            self._node.get_logger().warning(f'detection: {suspicion}')
-            if suspicion.moves_though_stuck(output.failures):
-                text = f'{suspicion.name}: reported stuck, but moving'
-                self._health.warn(Notice('inconsistent', text, rejected=False))
-            if monitor.acts:
-                self._act(suspicion)
-            self._publish()
-        if self._service.awaited and not monitor.probing:
-            self._service.answer(True, monitor.finding)
+        if monitor.to_report:
+            self._act(monitor.to_report)
+        if monitor.detector.suspicions != before:
+            self._tell_changes(before)
+        if self._service.awaited and not monitor.prober.probing:
+            self._service.answer(True, monitor.prober.finding)
         self._supervisor.move_beside(monitor.rates)
 
-    def _act(self, suspicion: Suspicion) -> None:
-        """Handle what has been found as any report."""
+    def values(self) -> dict[str, str]:
+        """Return what belongs into the metrics, texts by key."""
+        return self.monitor.values()
+
+    def forget(self) -> tuple[str, ...]:
+        """Drop what has been found; return what is still seen, in the words of the ledger."""
+        return self.monitor.forget(self._supervisor.settings.report_timeout)
+
+    def _act(self, suspicions: Sequence[Suspicion]) -> None:
+        """Handle what has been found, or seen again, as any report."""
         now = self._timeline.now()
-        self._acted = self._acted.intersection(self.monitor.detector.suspicions) | {suspicion}
-        if self._supervisor.reports([detected(suspicion, now)], now):
+        self._acted = self._acted.intersection(self.monitor.detector.suspicions).union(suspicions)
+        if self._supervisor.reports([detected(one, now) for one in suspicions], now):
             self._cycle(now)
             self._health.count('reconfigurations')
 
-    def values(self) -> dict[str, str]:
-        """Return what belongs into the metrics.
-
-        Returns
-        -------
-        dict
-            Texts by key.
-        """
-        monitor = self.monitor
-        suspicions = monitor.detector.suspicions
-        passive = monitor.isolability(False) if self._listening else None
-        alike = [group for group in passive.classes if len(group) > 1] if passive else []
-        since = monitor.latent_since_probe
-        return {
-            'inconsistent': ', '.join(
-                one.name for one in suspicions if one.moves_though_stuck(self._failures)
-            ),
-            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
-            'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
-            'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
-            'latent_since_probe': decimal(since) if isfinite(since) else '',
-            'internal_force': decimal(monitor.internal_force)
-            if isfinite(monitor.internal_force) else '',
-        }
+    def _tell_changes(self, before: Sequence[Suspicion]) -> None:
+        """Log and publish what is new since ``before``, and what has healed."""
+        present, logger = self.monitor.detector.suspicions, self._node.get_logger()
+        for one in present:
+            if one not in before:
+                logger.warning(f'detection: {one}')
+                if one.moves_though_stuck(self._failures):
+                    text = f'{one.name}: {one.obstacle(self._failures)}'
+                    self._health.warn(Notice('inconsistent', text, rejected=False))
+        for one in before:
+            if one not in present:
+                logger.info(f'detection: {one.name} does what it is told again')
+        self._publish()
 
     def _nanoseconds(self, stamp: Time) -> int:
         if stamp.sec or stamp.nanosec:
@@ -209,7 +197,7 @@ class SilentFailures:
             self._pose = None
 
     def _probe(self) -> Answer | None:
-        refusal = '' if self.monitor.probing else self.monitor.request_probe()
+        refusal = '' if self.monitor.prober.probing else self.monitor.prober.request()
         return (False, refusal) if refusal else None
 
     def _publish(self) -> None:
@@ -224,6 +212,8 @@ class SilentFailures:
     def _status(self, suspicion: Suspicion) -> Any:
         # What is not acted on must not look like a report: others may listen.
         values = suspicion.values(acting=suspicion in self._acted)
+        if self.monitor.settings.detect == 'act':
+            values['not_acted_on'] = suspicion.obstacle(self._failures)
         return status_to_msg(
             DETECTION, f'{self._prefix}{suspicion.name}',
             ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,

@@ -17,27 +17,25 @@ import numpy as np
 from fault_tolerance.analysis.recorded_inputs import (
     RecordedCommand,
     RecordedInputs,
-    RecordedModes,
     RecordedReading,
-    Told,
 )
 from fault_tolerance.closed_loop import detected
-from fault_tolerance.control.failure_reports import ERROR, Report, part_names, report_of
+from fault_tolerance.control.failure_reports import Report
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.detection.detector import CYCLES, Detector
+from fault_tolerance.detection.detector import Detector
+from fault_tolerance.detection.filter_bank import CYCLES
 from fault_tolerance.detection.monitor_settings import Detect
 from fault_tolerance.detection.probe import SAMPLES
 from fault_tolerance.detection.self_stress import SelfStress
 from fault_tolerance.detection.sighting import Sighting
-from fault_tolerance.detection.suspicion import DETECTION, Suspicion
+from fault_tolerance.detection.suspicion import Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.replay.told_failures import reports_in, reports_told
 from fault_tolerance.replay.turns import Moments, Turn, turns_of
-
-_METRICS = 'fault_tolerance: mechanism'
 
 
 class Instant(NamedTuple):
@@ -99,27 +97,29 @@ def replayed(
     events: dict[int, list[Callable[[int], None]]] = defaultdict(list)
     places = set()
     for report in inputs.reports:
-        reports = _reports(report, inputs.namespace, mechanism)
+        reports = reports_in(report, inputs.namespace, mechanism)
         if reports:
             place = moments.of_report(report)
             places.add(place)
             events[place].append(partial(replay.reports, reports))
     first = inputs.told[0] if inputs.told else None
     if first is not None and first.failures:
-        told = _told(first, inputs.reports, mechanism)
+        told = reports_told(first, inputs.reports, mechanism)
         events[0].insert(0, partial(replay.reports, told))
     for before, told_now in zip(inputs.told, inputs.told[1:], strict=False):
-        if set(before.failures) - set(told_now.failures) or (
-            before.suspected and not told_now.suspected
-        ):
-            events[moments.of_clear(before, told_now, places)].append(replay.clear)
-            remarks.append('when failures were cleared is taken from the metrics')
+        released = set(before.failures) - set(told_now.failures)
+        dropped = set(before.suspected.split('; ')) - set(told_now.suspected.split('; '))
+        if released or dropped - {''}:
+            clear = partial(replay.clear, told_now.suspected, bool(released))
+            events[moments.of_clear(before, told_now, places)].append(clear)
     for pose in inputs.poses:
         events[moments.after(pose.time)].append(partial(replay.pose, pose.pose))
     for place, (turn, probing) in enumerate(zip(turns, _probing_next(turns), strict=True)):
         for event in events[place]:
             event(turn.now)
         replay.turn(turn.now, turn.command, turn.reading, probing)
+    if replay.cleared:
+        remarks.append('when failures were cleared is taken from the metrics')
     if replay.rejected:
         remarks.append(f'{replay.rejected} joint states or commands were of no use')
     return Replayed(
@@ -140,6 +140,8 @@ class Replay:
         How many probes were complete.
     rejected : int
         How many readings and commands could not be used.
+    cleared : bool
+        Whether anything has been cleared.
     """
 
     def __init__(self, mechanism: Mechanism, detect: Detect, delay: float) -> None:
@@ -156,16 +158,24 @@ class Replay:
         self.findings: list[Finding] = []
         self.course: list[Instant] = []
         self.probes = self.rejected = 0
+        self.cleared = False
 
     def reports(self, reports: Sequence[Report], now: int) -> None:
         """Take the failure ``reports`` of one message at ``now`` (ns)."""
         if self._supervisor.reports(reports, self._passed(now)):
             self._supervisor.step(self._passed(now))
 
-    def clear(self, now: int) -> None:
-        """Let go of failures and suspicions at ``now`` (ns)."""
-        self._supervisor.clear(self._passed(now))
-        self.detector.forget()
+    def clear(self, suspected: str, released: bool, now: int) -> None:
+        """Let go of failures if some were ``released`` at ``now`` (ns), and of suspicions.
+
+        Those not among what was still ``suspected``, if they have not healed already.
+        """
+        words = [', '.join(map(str, one.candidates)) for one in self.detector.suspicions]
+        if released or not set(words) <= set(suspected.split('; ')):
+            self.detector.forget(round(1e9 * self._supervisor.settings.report_timeout))
+            self.cleared = True
+        if released:
+            self._supervisor.clear(self._passed(now))
 
     def pose(self, pose: FloatArray, _: int) -> None:
         """Take a ``pose`` (4, 4) of the platform."""
@@ -217,7 +227,7 @@ class Replay:
 
     def _observe(self, reading: RecordedReading, probing: bool | None) -> None:
         detector, output = self.detector, self._supervisor.output
-        estimate, before = output.estimate, len(detector.suspicions)
+        estimate, before = output.estimate, detector.suspicions
         sighting = Sighting(
             reading.stamp, estimate.readings,
             self._joints.efforts(reading.names, reading.efforts), self._pose,
@@ -226,7 +236,7 @@ class Replay:
         detector.observe(
             sighting, output.failures, estimate.pose, lambda: strut_rows(estimate.configuration)
         )
-        changed = output.failures != self._failures or len(detector.suspicions) > before
+        changed = output.failures != self._failures or detector.suspicions != before
         self._failures = output.failures
         self._follow_probe(reading.stamp, changed, probing)
         self.course.append(Instant(
@@ -234,8 +244,12 @@ class Replay:
             log(max(len(detector.evidence), 1) * CYCLES),
             tuple(map(str, output.failures.failures)),
         ))
-        if len(detector.suspicions) > before:
-            self._found(reading.stamp)
+        new = [one for one in detector.suspicions if one not in before]
+        for one in new:
+            acts = self._acting and not one.obstacle(output.failures)
+            self.findings.append(Finding(one, reading.stamp, acts))
+        self._report([*new, *detector.renewed])
+
 
     def _follow_probe(self, stamp: int, changed: bool, probing: bool | None) -> None:
         """Begin and end the record of a probe where the live detection did."""
@@ -253,14 +267,12 @@ class Replay:
             self._samples = 0
             detector.begin_probe()
 
-    def _found(self, stamp: int) -> None:
-        suspicion = self.detector.suspicions[-1]
-        acts = self._acting and suspicion.asks_to_act(self._supervisor.failures)
-        self.findings.append(Finding(suspicion, stamp, acts))
-        if acts:
-            now = 1e-9 * self._now
-            if self._supervisor.reports([detected(suspicion, now)], now):
-                self._supervisor.step(now)
+    def _report(self, convicted: Sequence[Suspicion]) -> None:
+        """Handle what is ``convicted`` as if it had been reported, where that was done live."""
+        now, failures = 1e-9 * self._now, self._failures
+        reports = [detected(one, now) for one in convicted if not one.obstacle(failures)]
+        if self._acting and reports and self._supervisor.reports(reports, now):
+            self._supervisor.step(now)
 
 
 def _probing_next(turns: Sequence[Turn]) -> list[bool | None]:
@@ -271,27 +283,3 @@ def _probing_next(turns: Sequence[Turn]) -> list[bool | None]:
         found.append(following)
         following = turn.command.probe if turn.command else following
     return found[::-1]
-
-
-def _reports(found: RecordedModes, namespace: str, mechanism: Mechanism) -> list[Report]:
-    """Return the failure reports on ``mechanism`` in a message, without those of detection."""
-    names = part_names(mechanism)
-    stamp = 1e-9 * found.stamp if found.stamp else None
-    made = (
-        report_of(*mode, stamp, prefix=namespace.strip('/'), names=names)
-        for mode in found.modes if mode[0] != DETECTION
-    )
-    return [report for report in made if report is not None]
-
-
-def _told(
-    first: Told, reports: Sequence[RecordedModes], mechanism: Mechanism
-) -> list[Report]:
-    """Return as reports what was in force when the recording began."""
-    names = (*mechanism.actuator_names, *mechanism.strut_names)
-    heard = ' '.join(str(one.modes) for one in reports if one.time <= first.time)
-    pairs = (text.partition(':') for text in first.failures)
-    return [
-        Report((_METRICS, name), name, mode, ERROR)
-        for mode, _, name in pairs if name in names and f"'{name}'" not in heard
-    ]

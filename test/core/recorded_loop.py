@@ -116,17 +116,16 @@ class RecordedLoop:
     def clear(self) -> None:
         """Clear, as the operator does, between two joint states."""
         now = self._now + PERIOD // 2
-        self.supervisor.clear(1e-9 * now)
-        self.monitor.forget()
+        self.supervisor.clear(1e-9 * now, self.monitor.forget(3.0))
         self._cycle(now)
         self._tell(now + LATENCY)
 
     def probe(self) -> str:
         """Return what a probe has found."""
-        assert self.monitor.request_probe() == ''
-        while self.monitor.probing:
+        assert self.monitor.prober.request() == ''
+        while self.monitor.prober.probing:
             self._step()
-        return self.monitor.finding
+        return self.monitor.prober.finding
 
     def run(self, seconds: float) -> None:
         for _ in range(round(1e9 * seconds / PERIOD)):
@@ -175,11 +174,11 @@ class RecordedLoop:
             prefix = f'{self.namespace[1:]}/' if self.namespace else ''
             values = suspicion.values(acting=self.monitor.settings.detect == 'act')
             self.found.append({'hardware_id': prefix + suspicion.name, **values})
-            if self.monitor.acts:
-                self.supervisor.reports([detected(suspicion, 1e-9 * now)], 1e-9 * now)
-                self._cycle(now + LATENCY)
             self._take('/diagnostics', diagnostics(now, (
                 DETECTION, prefix + suspicion.name, ERROR, values)), now + 2 * LATENCY)
+        reports = [detected(one, 1e-9 * now) for one in self.monitor.to_report]
+        if reports and self.supervisor.reports(reports, 1e-9 * now):
+            self._cycle(now + LATENCY)
         self.supervisor.move_beside(self.monitor.rates)
         if round((self._now - BEGIN) / PERIOD) % 20 == 0:
             self._tell(now + LATENCY)
@@ -196,7 +195,7 @@ class RecordedLoop:
         answered = mechanism.readings_from_values(output.estimate.readings)
         self._take('fault_tolerance/joint_commands', joint_state(
             now, mechanism.joint_state_names, answered if answers and self._answers else [],
-            sent, [], 'probe' if self.monitor.straining else ''), now + 50_000)
+            sent, [], 'probe' if self.monitor.prober.straining else ''), now + 50_000)
 
     def _tell(self, now: int) -> None:
         prefix = f'{self.namespace[1:]}/' if self.namespace else ''
@@ -204,7 +203,8 @@ class RecordedLoop:
         values = {
             'state': output.state.value,
             'failures': ', '.join(map(str, output.failures.failures)),
-            'suspected': '; '.join(map(str, self.detector.suspicions)),
+            'suspected': '; '.join(
+                ', '.join(map(str, one.candidates)) for one in self.detector.suspicions),
         }
         self._take('fault_tolerance/metrics', diagnostics(now, (
             'fault_tolerance: mechanism', prefix + self.mechanism.name, 0, values)), now)

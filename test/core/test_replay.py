@@ -27,7 +27,8 @@ def eventful(**options):
     loop.run(0.2)
     loop.probe()
     loop.report('torque', 'theta_2')
-    loop.run(0.4)
+    loop.break_silently('ok theta_2')
+    loop.run(3.1)
     loop.clear()
     loop.run(0.3)
     loop.break_silently('stuck theta_4')
@@ -95,11 +96,11 @@ def test_stamps_pair_commands_that_do_not_say_what_they_answer(tmp_path, capsys)
 def test_a_probe_that_ended_early_is_no_evidence(tmp_path):
     loop = RecordedLoop()
     loop.run(1.2)
-    loop.monitor.request_probe()
+    loop.monitor.prober.request()
     loop.run(0.3)
     loop.report('position', 'theta_1')
     loop.run(0.5)
-    assert not loop.monitor.probing
+    assert not loop.monitor.prober.probing
     again = replayed(recorded_inputs(loop.write(tmp_path / 'run.mcap')), loop.mechanism)
     assert again.probes == 0
     assert [one.odds for one in again.course] == loop.evidence
@@ -127,6 +128,19 @@ def test_acting_is_replayed_too(tmp_path, capsys):
     advice = result(capsys, 'detect', bag)['findings']
     assert advice[0]['suspected_mode'] == 'position'
     assert advice[0]['log_odds'] == loop.found[0]['log_odds']
+
+
+def test_what_has_healed_by_itself_is_no_clear(tmp_path):
+    """And a clear of what is still seen changes nothing."""
+    loop = stuck()
+    loop.clear()
+    loop.run(0.2)
+    loop.break_silently('ok theta_4')
+    loop.run(0.5)
+    assert not loop.detector.suspicions
+    again = replayed(recorded_inputs(loop.write(tmp_path / 'run.mcap')), loop.mechanism)
+    assert [one.odds for one in again.course] == loop.evidence
+    assert again.remarks == ()
 
 
 def test_without_joint_commands_it_says_so(tmp_path, capsys):

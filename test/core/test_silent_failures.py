@@ -32,10 +32,10 @@ def loop_of(name='mirror_4_strut', detect='act', engine='elastic', amplitude=1e-
 
 def probed(loop):
     """Return the loop after a probe, and what it has found."""
-    assert loop.monitor.request_probe() == ''
-    while loop.monitor.probing:
+    assert loop.monitor.prober.request() == ''
+    while loop.monitor.prober.probing:
         loop.run(PERIOD)
-    return loop.monitor.finding
+    return loop.monitor.prober.finding
 
 
 @pytest.mark.parametrize('engine', ENGINES)

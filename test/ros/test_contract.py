@@ -156,8 +156,8 @@ def test_the_metrics_say_all_there_is_to_say(running, namespace):
         'condition_number', 'saturation', 'flexure_strain', 'recovery_time_us', 'worst_next',
         'report_stamp', 'residual', 'misfit', 'scale', 'secondary_scale', 'major_jump',
         'rate_jump', 'out_of_range', 'sensorless', 'inconsistent', 'suspected',
-        'not_told_apart', 'undetectable', 'latent_since_probe', 'internal_force',
-        'time_since_report', 'conversion', 'tracking_error', 'groups',
+        'worst_next_suspected', 'not_told_apart', 'undetectable', 'latent_since_probe',
+        'internal_force', 'time_since_report', 'conversion', 'tracking_error', 'groups',
     }
     names = [f'{kind}_{number}' for kind in ('theta', 'strut') for number in range(1, 5)]
     assert [part.hardware_id for part in parts] == [prefix + name for name in names]

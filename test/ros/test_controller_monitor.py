@@ -105,6 +105,20 @@ def test_it_tells_what_is_suspected_for_as_long_as_it_is_said(robot):
     assert monitor.snapshot().suspects == ()
 
 
+@pytest.mark.parametrize(('known', 'suspected', 'told'), [
+    ('torque:theta_1 0.5', 'torque:theta_2 0', ('torque:theta_2', 0.0)),
+    ('torque:theta_1 0.5', '', ('torque:theta_1', 0.5)),
+    ('0', 'torque:theta_2 0', ('', 0.0)),
+])
+def test_the_worst_next_failure_counts_what_is_suspected(robot, known, suspected, told):
+    monitor = ControllerMonitor(robot.node)
+    values = {'worst_next': known, 'worst_next_suspected': suspected}
+    status = status_to_msg('fault_tolerance: mechanism', 'mirror_4_strut', 0, '', values)
+    monitor._take_metrics(diagnostics_to_msg(robot.node.get_clock().now().to_msg(), [status]))
+    snapshot = monitor.snapshot()
+    assert (snapshot.worst_next, snapshot.worst_measure) == told
+
+
 def test_metrics_that_make_no_sense_are_survived(robot):
     monitor = ControllerMonitor(robot.node)
     monitor._take_metrics(DiagnosticArray())

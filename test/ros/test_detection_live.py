@@ -107,6 +107,10 @@ def test_advice_is_given_and_nothing_done(start, probe):
     assert 'failure_mode' not in values_of(status)
     probe.spin(0.5)
     assert probe.state == 'nominal'
+    # The drive is still commanded, so it is still seen.
+    assert probe.clear().message == 'still reported: theta_2 (position); now nominal'
+    machine.diagnostics.clear()
+    assert machine.wait_for_suspicion().hardware_id == 'theta_2'
 
 
 def test_latent_failures_are_found_by_a_probe_or_their_group(start, probe):
@@ -124,6 +128,12 @@ def test_latent_failures_are_found_by_a_probe_or_their_group(start, probe):
     ), 'the group')
     # One of four: to leave the wrong one alone would be a second failure.
     probe.wait_for_state('nominal')
+    values = values_of(machine.suspicions[-1])
+    assert 'not known' in values['not_acted_on']
+    # Any other one, and the mirror is loose.
+    assert values['worst_next'].endswith(' 0')
+    probe.wait(lambda: probe.mechanism['worst_next_suspected'].endswith(' 0'), 'the metrics')
+    assert not probe.mechanism['worst_next'].endswith(' 0')
 
 
 def test_a_probe_is_refused_with_the_reason(start, probe):

@@ -9,6 +9,7 @@ from functools import cache
 import pytest
 
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
+from fault_tolerance.control.settings import Settings
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.suspicion import Suspicion
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -18,6 +19,8 @@ from fault_tolerance.simulation.reference import Circle, Reference, Step
 PERIOD = 0.01
 ENGINES = ('elastic', 'mujoco')
 REST = Step((0.0, 0.0))
+BRIEF = Settings(report_timeout=0.5)
+"""What was said half a second ago is not said any more."""
 
 
 def loop_of(
@@ -28,6 +31,7 @@ def loop_of(
     side: str = 'load',
     engine: str = 'elastic',
     monitor: MonitorSettings | None = None,
+    control: Settings | None = None,
     seed: int = 1,
     kind: type[ClosedLoop] = ClosedLoop,
     **plant,
@@ -42,7 +46,7 @@ def loop_of(
         mechanism, reference or Circle(1e-3, 1.0),
         LoopSettings(
             period=period, lead=0.6 * period, engine=engine, seed=seed,
-            monitor=monitor or MonitorSettings('advise'),
+            monitor=monitor or MonitorSettings('advise'), control=control or Settings(),
             plant=PlantSettings(encoders=side, **plant),
         ),
     )
@@ -63,10 +67,10 @@ def warm(name='mirror_4_strut', moving=True, side='load', engine='elastic', seed
 
 def probed(loop: ClosedLoop) -> str:
     """Let the loop probe to the end; return what it has found."""
-    assert loop.monitor.request_probe() == ''
-    while loop.monitor.probing:
+    assert loop.monitor.prober.request() == ''
+    while loop.monitor.prober.probing:
         loop.run(loop.settings.period)
-    return loop.monitor.finding
+    return loop.monitor.prober.finding
 
 
 def awaited(loop: ClosedLoop, duration: float) -> int:

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 from core.detection.detection_cases import (
+    BRIEF,
     PERIOD,
     REST,
     awaited,
@@ -15,7 +16,9 @@ from core.detection.detection_cases import (
     warm,
 )
 
+from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.state_machine import State
+from fault_tolerance.detection.hypotheses import Symptom
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.detection.sighting import Sighting
@@ -98,6 +101,28 @@ def test_a_second_failure_is_found():
     assert set(loop.supervisor.failures.stuck) == {'leg_2', 'leg_5'}
 
 
+def test_what_is_acted_on_as_stuck_and_moves_is_found():
+    loop = loop_of('gough_stewart_8', Circle(1e-4, 1.0), monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent stuck leg_2')
+    awaited(loop, 1.0)
+    loop.run(0.5)
+    assert loop.supervisor.failures.stuck == ('leg_2',)
+    loop.inject('silent runaway leg_2')
+    loop.run(0.5)
+    assert [one.verdict.symptom for one in suspected(loop)] == [Symptom.STUCK, Symptom.RUNAWAY]
+    assert suspected(loop)[1].obstacle(loop.supervisor.failures) == 'reported stuck, but moving'
+    again = loop.forked(5)
+    loop.inject('silent stuck leg_2')
+    loop.run(3.2)
+    assert [one.verdict.symptom for one in suspected(loop)] == [Symptom.STUCK]
+    # With the report that it is stuck goes that it moves nevertheless.
+    again.inject('silent ok leg_2')
+    assert again.clear().message == 'still reported: leg_2 (position); now degraded'
+    assert [one.verdict.symptom for one in suspected(again)] == [Symptom.STUCK]
+    assert loop.supervisor.output.state is State.DEGRADED
+
+
 def test_without_redundancy_left_it_says_so_and_goes_on():
     loop = loop_of(monitor=MonitorSettings('act'))
     loop.run(1.7)
@@ -105,7 +130,7 @@ def test_without_redundancy_left_it_says_so_and_goes_on():
     probed(loop)
     loop.run(1.0)
     assert loop.supervisor.failures.free == ('theta_2',)
-    assert 'no redundancy is left (r = 0)' in loop.monitor.request_probe()
+    assert 'no redundancy is left (r = 0)' in loop.monitor.prober.request()
     loop.run(1.0)
     assert len(suspected(loop)) == 1
     # Passively it goes on: three drives and the encoder of the limp one.
@@ -129,21 +154,52 @@ def test_after_a_group_of_struts_nothing_more_is_said():
     (found,) = suspected(loop)
     assert not found.located
     assert loop.monitor.detector.is_blind
-    assert loop.monitor.request_probe().startswith('already found')
+    assert loop.monitor.prober.request().startswith('already found')
     loop.run(1.0)
     assert len(suspected(loop)) == 1
 
 
+def test_a_group_of_struts_is_not_acted_on_and_costs_the_margin():
+    """Commands of the healthy machine serve whichever it is; what could come next is told."""
+    loop = loop_of('gough_stewart_8', Circle(1e-4, 1.0), monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent lost strut_3')
+    probed(loop)
+    (found,) = suspected(loop)
+    assert {one.name for one in found.candidates} == {'strut_1', 'strut_3', 'strut_5', 'strut_7'}
+    assert 'not known' in found.obstacle(loop.supervisor.failures)
+    assert loop.supervisor.failures.failures == ()
+    # Another one of the four, and the platform is loose; without any, 0.41 is left.
+    assert loop.supervisor.metrics().worst_next_measure == pytest.approx(1.0 / 6.0**0.5, abs=1e-3)
+    assert found.outlook.tolerable
+    assert found.outlook.measure == 0.0
+    assert found.values(acting=False)['worst_next'].endswith(' 0')
+    assert loop.monitor.values()['worst_next_suspected'].endswith(' 0')
+
+
+def test_a_group_of_which_one_cannot_be_tolerated_stops_the_machine():
+    loop = loop_of('mirror_overactuated', monitor=MonitorSettings('act'))
+    loop.run(1.2)
+    loop.inject('silent lost strut_2')
+    probed(loop)
+    (found,) = suspected(loop)
+    assert {one.name for one in found.candidates} == {'strut_1', 'strut_2', 'strut_3'}
+    # Without strut 1 and the two drives on it nothing is left that turns the mirror.
+    assert found.name == 'strut_1'
+    assert loop.supervisor.failures.lost == ('strut_1',)
+    assert loop.supervisor.output.state is State.STOPPED
+
+
 def test_after_a_clear_it_begins_anew():
-    loop = loop_of(monitor=MonitorSettings('act'))
+    loop = loop_of(monitor=MonitorSettings('act'), control=BRIEF)
     loop.run(1.7)
     loop.inject('silent stuck theta_4')
     awaited(loop, 1.0)
-    # What was said less than 3 s ago counts as still said.
-    loop.run(3.1)
+    # What was said a moment ago counts as still said.
+    loop.run(0.6)
     loop.inject('ok theta_4')
     loop.clear()
-    loop.run(3.0)
+    loop.run(1.0)
     assert suspected(loop) == ()
     assert loop.supervisor.output.state is State.NOMINAL
     loop.inject('silent stuck theta_4')
@@ -192,14 +248,14 @@ def test_a_pose_sensor_tells_lost_struts_apart(moving):
 
 def cleared_at_rest(*repairs):
     """Return a loop at rest that has found a stuck drive, and has been cleared later."""
-    loop = loop_of(reference=REST, monitor=MonitorSettings('act'))
+    loop = loop_of(reference=REST, monitor=MonitorSettings('act'), control=BRIEF)
     loop.run(1.7)
     loop.inject('silent stuck theta_4')
     probed(loop)
     assert loop.supervisor.output.state is State.DEGRADED
     for repair in repairs:
         loop.inject(repair)
-    loop.run(3.5)
+    loop.run(1.2)
     loop.clear()
     loop.run(PERIOD)
     assert loop.supervisor.output.state is State.NOMINAL
@@ -213,10 +269,62 @@ def test_what_is_cleared_and_still_there_is_found_again_at_rest():
     assert [one.name for one in suspected(loop)] == ['theta_4']
 
 
+def test_what_was_reported_once_and_is_cleared_is_found_at_rest():
+    """Nobody has noticed it: a report came, was silent for a while, and was cleared."""
+    loop = loop_of(reference=REST, monitor=MonitorSettings('act'), control=BRIEF)
+    loop.run(1.2)
+    loop.inject('silent stuck theta_4')
+    report = Report(('somebody', 'theta_4'), 'theta_4', 'position', ERROR, loop._now)
+    loop.supervisor.reports([report], loop._now)
+    loop.run(0.6)
+    assert loop.clear().message == 'released theta_4 (position); now nominal'
+    loop.run(1.5)
+    assert loop.supervisor.output.state is State.DEGRADED
+    assert [one.name for one in suspected(loop)] == ['theta_4']
+
+
+@pytest.mark.parametrize(('word', 'mode'), [
+    ('stuck', 'position'), ('frozen', 'position'), ('weak', 'position'), ('reversed', 'position'),
+])
+def test_advice_stays_while_it_is_seen_and_ends_when_it_is_mended(word, mode):
+    """The drive is still commanded: every motion shows it again, or that it has healed."""
+    loop = loop_of(reference=Circle(1e-5, 1.0), control=BRIEF)
+    loop.run(1.2)
+    loop.inject(f'silent {word} theta_2')
+    awaited(loop, 1.0)
+    loop.run(1.2)
+    assert loop.clear().message == f'still reported: theta_2 ({mode}); now nominal'
+    (found,) = suspected(loop)
+    assert found.name == 'theta_2'
+    loop.inject('silent ok theta_2')
+    loop.run(0.4)
+    assert suspected(loop) == ()
+    loop.run(0.5)
+    assert suspected(loop) == ()
+
+
+def test_a_drive_that_still_moves_by_itself_is_not_released():
+    loop = loop_of(monitor=MonitorSettings('act'), control=BRIEF)
+    loop.run(1.2)
+    loop.inject('silent runaway theta_2')
+    awaited(loop, 1.0)
+    loop.run(0.8)
+    assert loop.supervisor.output.state is State.STOPPED
+    outcome = loop.clear()
+    assert (outcome.success, outcome.message) == (
+        False, 'still reported: theta_2 (runaway); now stopped')
+    loop.inject('silent ok theta_2')
+    # It goes back to where it was told to be, and is seen until then.
+    loop.run(1.3)
+    assert loop.clear().message == 'released theta_2 (runaway); now nominal'
+    loop.run(0.5)
+    assert suspected(loop) == ()
+
+
 def test_what_is_cleared_and_mended_stays_released():
     loop = cleared_at_rest('silent ok theta_4')
     loop.run(2.5)
     assert loop.supervisor.output.state is State.NOMINAL
     assert named(loop) == []
-    assert 'no latent failure' in loop.monitor.finding
-    assert not loop.monitor.probing
+    assert 'no latent failure' in loop.monitor.prober.finding
+    assert not loop.monitor.prober.probing

@@ -58,7 +58,7 @@ def check(truth, name, moving, side, engine):
         check_named(loop, truth, probing.class_of(truth))
         return
     if probing.redundancy == 0:
-        assert 'no redundancy' in loop.monitor.request_probe()
+        assert 'no redundancy' in loop.monitor.prober.request()
         return
     probed(loop)
     group = probing.class_of(truth)

@@ -129,7 +129,7 @@ def test_the_same_readings_give_the_same_to_the_last_bit():
         detector = loop.monitor.detector
         found.append((
             [(str(one), one.log_odds, one.onset, one.travel) for one in detector.suspicions],
-            list(detector.evidence.values()), detector.noise.tolist(), loop.monitor.finding,
+            list(detector.evidence.values()), detector.noise.tolist(), loop.monitor.prober.finding,
         ))
     assert found[0][0]
     assert found[0] == found[1]

@@ -17,10 +17,12 @@ from fault_tolerance.detection.self_stress import SelfStress
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.screws import difference
 from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.plant_settings import PlantSettings
 
 AMPLITUDE = 1e-6
+STIFF = {'flexure_stiffness': 1e10, 'structure_stiffness': 1e10}
 
 
 def stress_of(name, *failed):
@@ -28,23 +30,50 @@ def stress_of(name, *failed):
     return SelfStress(home_rows(mechanism), failure_set(mechanism, failed))
 
 
-def excursion(name, *faults, **settings):
-    """Return how far a probe moves the platform, radians and characteristic lengths."""
+def uneven_copy(mechanism, shares):
+    """Return the mechanism with drives of different stiffness, in N/m over 1e6."""
+    stiff = {
+        name: 1e6 * float(share)
+        for name, share in zip(mechanism.actuator_names, shares, strict=True)
+    }
+    actuators = tuple(replace(one, stiffness=stiff[one.name]) for one in mechanism.actuators)
+    by_name = {one.name: one for one in actuators}
+    struts = tuple(
+        replace(strut, joints=tuple(
+            joint if joint.actuator is None
+            else replace(joint, actuator=by_name[joint.actuator.name]) for joint in strut.joints
+        )) for strut in mechanism.struts
+    )
+    return replace(mechanism, struts=struts, actuators=actuators)
+
+
+def excursion(name, *faults, uneven=None, present=(), flexures=None, **settings):
+    """Return how far a probe moves the platform, radians and characteristic lengths.
+
+    Drives are as stiff as ``uneven`` (N,) says of 1e6 N/m, ``present`` has failed before, and the
+    file says of ``flexures`` how stiff they are: then only the task counts.
+    """
     mechanism = mechanism_named(name)
+    told = mechanism if uneven is None else uneven_copy(mechanism, uneven)
+    if flexures is not None:
+        told = replace(told, flexure_stiffness=flexures)
+    stress = SelfStress(home_rows(told), failure_set(mechanism, present))
     plant = ElasticPlant(mechanism, PlantSettings(
         encoder_noise=0.0, disturbance=UNLOADED, servo_time_constant=0.0, **settings
     ))
-    broken(plant, *faults)
-    probe = Probe(stress_of(name).probing, AMPLITUDE, PERIOD)
+    if uneven is not None:
+        # As many stiffnesses as drives: the settings have one for all.
+        plant._stiffness = plant._stiffness * uneven
+    broken(plant, *(f'{mode} {part}' for mode, part in present), *faults)
+    probe = Probe(stress.probing, AMPLITUDE, PERIOD)
     plant.step(PERIOD)
     start, last, most = plant.state.pose.copy(), np.zeros(len(mechanism.actuators)), 0.0
     while not probe.over:
         last = probe.rates(PERIOD * last)
         plant.command(last / mechanism.rate_scale)
         pose = plant.step(PERIOD).pose
-        turned = np.abs(pose[:3, :3] - start[:3, :3]).max()
-        shifted = np.abs(pose[:3, 3] - start[:3, 3]).max() / mechanism.characteristic_length
-        most = max(most, turned, shifted)
+        twist = difference(pose, start) / np.repeat([1.0, mechanism.characteristic_length], 3)
+        most = max(most, np.abs(twist[mechanism.task.rows if flexures else slice(6)]).max())
     return most
 
 
@@ -56,12 +85,33 @@ def test_a_healthy_platform_does_not_move(name):
     assert excursion(name) < 1e-3 * limp
 
 
-def test_a_healthy_platform_does_not_move_if_its_struts_are_stiff():
-    """The over-actuated mirror pushes against what its joints bar: flexures must not give way."""
-    stiff = {'flexure_stiffness': 1e10, 'structure_stiffness': 1e10}
-    limp = excursion('mirror_overactuated', 'silent free theta_1', **stiff)
-    assert excursion('mirror_overactuated', **stiff) < 1e-3 * limp
-    assert excursion('mirror_overactuated') > 1e-2 * limp
+@pytest.mark.parametrize(('name', 'present', 'uneven'), [
+    ('mirror_4_strut', [], (1.0, 0.3, 2.0, 0.7)),
+    ('gough_stewart_8', [], (1.0, 0.3, 2.0, 0.7, 1.0, 1.5, 0.5, 0.9)),
+    ('gough_stewart_8', [('stuck', 'leg_2')], None),
+    ('gough_stewart_8', [('free', 'leg_2')], (1.0, 0.3, 2.0, 0.7, 1.0, 1.5, 0.5, 0.9)),
+])
+def test_nor_with_drives_of_unequal_stiffness_or_after_a_failure(name, present, uneven):
+    first = mechanism_named(name).actuator_names[0]
+    same = {'uneven': None if uneven is None else np.array(uneven), 'present': present, **STIFF}
+    limp = excursion(name, f'silent free {first}', **same)
+    assert limp > 1e-7
+    assert excursion(name, **same) < 1e-3 * limp
+
+
+def test_a_stuck_drive_yields_so_its_redundancy_is_no_use_to_a_probe():
+    assert stress_of('mirror_4_strut').probing.shape[1] == 1
+    assert stress_of('mirror_4_strut', ('stuck', 'theta_1')).probing.shape[1] == 0
+    assert stress_of('gough_stewart_8', ('stuck', 'leg_1')).probing.shape[1] == 1
+
+
+def test_a_probe_that_flexures_carry_moves_no_task_if_the_file_has_their_stiffness():
+    """Five drives of the over-actuated mirror cannot be in balance without what its joints bar."""
+    name, soft = 'mirror_overactuated', {**STIFF, 'flexure_stiffness': 1e6}
+    limp = excursion(name, 'silent free theta_1', **STIFF)
+    assert excursion(name, **STIFF) < 1e-3 * limp
+    assert excursion(name, **soft) > 1e-2 * limp
+    assert excursion(name, flexures=1e6, **soft) < 1e-3 * limp
 
 
 def test_the_tones_are_orthogonal_and_leave_nothing_over():
@@ -97,9 +147,9 @@ def test_after_a_probe_of_the_loop_the_drives_are_where_they_were():
 def test_no_drive_is_loaded_by_more_than_was_allowed():
     loop = warm(moving=False)
     before = loop.plant.state.efforts
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''
     most = 0.0
-    while loop.monitor.probing:
+    while loop.monitor.prober.probing:
         loop.run(PERIOD)
         most = max(most, np.abs(loop.plant.state.efforts - before).max())
     assert 0.05 < most <= 1.05 * loop.settings.monitor.probe_force
@@ -110,9 +160,9 @@ def test_no_drive_is_loaded_by_more_than_was_allowed():
 @pytest.mark.parametrize('fault', ['stuck theta_3', 'silent stuck theta_3', 'pause'])
 def test_it_ends_within_a_cycle_of_a_failure_or_a_pause(fault):
     loop = warm()
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''
     loop.run(0.1)
-    assert loop.monitor.probing
+    assert loop.monitor.prober.probing
     if fault == 'pause':
         loop.supervisor.pause(True, loop._now)
         loop.run(PERIOD)
@@ -124,29 +174,44 @@ def test_it_ends_within_a_cycle_of_a_failure_or_a_pause(fault):
             count += 1
             assert count < 50
         loop.run(PERIOD)
-    assert not loop.monitor.probing
+    assert not loop.monitor.prober.probing
     assert loop.monitor.rates is None
     if fault != 'silent stuck theta_3':
-        assert loop.monitor.finding == 'ended early: the state has changed'
-    assert loop.monitor.latent_since_probe < 1.0
+        assert loop.monitor.prober.finding == 'ended early: the state has changed'
+    assert loop.monitor.prober.latent_since_probe < 1.0
 
 
 def test_it_comes_by_itself():
     loop = loop_of(monitor=MonitorSettings('advise', probe_period=1.0))
     loop.run(0.5)
-    assert not loop.monitor.probing
+    assert not loop.monitor.prober.probing
     times = []
     for _ in range(400):
-        was = loop.monitor.probing
+        was = loop.monitor.prober.probing
         loop.run(PERIOD)
-        if loop.monitor.probing and not was:
+        if loop.monitor.prober.probing and not was:
             times.append(loop._now)
     assert len(times) >= 2
-    assert loop.monitor.finding.startswith('no latent failure')
+    assert loop.monitor.prober.finding.startswith('no latent failure')
+
+
+def test_at_rest_it_finds_the_encoders_that_can_be_seen_and_names_the_others():
+    """A strain moves no joint: an encoder of it that does not read looks right, of a drive not."""
+    assert probed(warm(moving=False)).startswith(
+        'no latent failure; not to be seen at rest: encoder:theta_1, encoder:theta_2, '
+        'encoder:theta_3, encoder:theta_4; would look alike: hard:strut_1')
+    assert 'at rest' not in probed(warm())
+    loop = loop_of(reference=REST, side='motor', monitor=MonitorSettings(probe_period=1.0))
+    loop.run(1.7)
+    loop.inject('silent frozen theta_2')
+    loop.run(1.7)
+    (found,) = suspected(loop)
+    # Efforts tell it from a drive that is stuck.
+    assert [str(one) for one in found.candidates] == ['encoder:theta_2']
 
 
 def refusal(loop):
-    return loop.monitor.refusal()
+    return loop.monitor.prober.refusal()
 
 
 def with_settings(loop, **changes):
@@ -162,7 +227,7 @@ def with_settings(loop, **changes):
 def test_every_refusal_has_its_reason():
     assert refusal(with_settings(warm(), detect='off')) == 'detection is off'
     loop = warm()
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''
     loop.run(PERIOD)
     assert refusal(loop) == 'a probe is under way'
     loop = warm()
@@ -188,15 +253,15 @@ def test_without_a_known_stiffness_an_amplitude_is_needed():
         source = warm().monitor
         monitor.detector._noise = source.detector._noise
         monitor.detector.rows = home_rows(mechanism)
-        monitor._moving, monitor._values = True, np.zeros(4)
-        assert reason in monitor.refusal()
-        assert bool(monitor.refusal()) == bool(reason)
+        monitor.prober._moving, monitor.prober._values = True, np.zeros(4)
+        assert reason in monitor.prober.refusal()
+        assert bool(monitor.prober.refusal()) == bool(reason)
 
 
 def test_not_near_the_end_of_a_stroke():
-    monitor = warm().monitor
-    monitor._values = np.array([0.0, 0.0, monitor._mechanism.position_limits[2, 1], 0.0])
-    assert monitor.refusal() == 'too near the end of the stroke: theta_3'
+    prober = warm().monitor.prober
+    prober._values = np.array([0.0, 0.0, prober._mechanism.position_limits[2, 1], 0.0])
+    assert prober.refusal() == 'too near the end of the stroke: theta_3'
 
 
 def test_settings_say_what_is_wrong_with_them():

@@ -7,6 +7,7 @@ and barred directions that do not yield.
 """
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from core.simulation.plant_cases import UNLOADED, broken
 
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom, hypotheses
 from fault_tolerance.detection.responses import Sensors, responses
-from fault_tolerance.kinematics.failures import failure_set
+from fault_tolerance.detection.self_stress import SelfStress
+from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.rows import home_rows, strut_rows
+from fault_tolerance.kinematics.subspaces import null_space
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.plant_settings import PlantSettings
@@ -109,6 +112,36 @@ def test_what_holds_nothing(name):
     compare(mechanism, 'load', home_rows(mechanism), [HEALTHY, *loose[::2]])
 
 
+def test_a_strut_that_is_lost_takes_what_it_bars_with_it():
+    """The over-actuated mirror gains a degree of freedom, and no strain is left to be shown.
+
+    Were its struts lost with their drives only, and went on barring what their joints bar, the
+    three would be as far apart as can be.
+    """
+    mechanism = mechanism_named('fsm_overactuated')
+    rows = home_rows(mechanism)
+    strains = SelfStress(rows, FailureSet()).basis
+    motions = null_space(strains.T, 1.0)
+
+    def shown(strut):
+        bench = Bench(mechanism, 'load')
+        broken(bench.plant, f'silent lost {strut}')
+        return bench.responses()[:5] @ strains
+
+    def barred(strut):
+        """Return joints where the springs that hold balance, on the motions of all struts."""
+        held = np.array([one.strut != strut for one in mechanism.actuators])
+        joints = motions @ np.linalg.pinv(held[:, None] * motions) @ (held[:, None] * strains)
+        return np.where(held[:, None], joints, strains)
+
+    struts = mechanism.strut_names
+    for first, second in combinations(struts, 2):
+        assert np.linalg.norm(shown(first) - shown(second), 2) < 1e-5
+        assert np.linalg.norm(barred(first) - barred(second), 2) > 0.8
+    # Every drive goes where it is told to.
+    np.testing.assert_allclose(shown(struts[1]), strains, atol=1e-5)
+
+
 @pytest.mark.parametrize('present', [
     [('stuck', 'theta_4')], [('free', 'theta_2')], [('lost', 'strut_3')],
 ])
@@ -167,5 +200,9 @@ def test_a_machine_that_yields_elsewhere_shows_less_of_a_strain():
     bench.plant = ElasticPlant(mechanism, PlantSettings(
         encoder_noise=0.0, disturbance=UNLOADED, servo_time_constant=0.0, command_timeout=1e3,
     ))
-    off = (bench.responses() - found.matrices[0])[:5]
-    assert 0.05 < np.abs(off).max() < 0.5
+    shown = bench.responses()
+    assert 0.05 < np.abs(shown - found.matrices[0])[:5].max() < 0.5
+    # They are right where the file says how soft they are.
+    told = home_rows(replace(mechanism, flexure_stiffness=PlantSettings().flexure_stiffness))
+    found = responses(told, failure_set(mechanism, ()), [HEALTHY], Sensors(True, True))
+    assert np.abs(shown - found.matrices[0]).max() < 1e-2

@@ -47,7 +47,7 @@ def test_it_has_to_be_told():
 def test_what_sticks_farther_than_a_probe_goes_is_not_probed():
     loop = sticking(2e-7, Circle(1e-3, 1.0))
     loop.run(1.0)
-    assert 'stick' in loop.monitor.request_probe()
+    assert 'stick' in loop.monitor.prober.request()
     loop = sticking(5e-8, Circle(1e-3, 1.0))
     loop.run(1.0)
-    assert loop.monitor.request_probe() == ''
+    assert loop.monitor.prober.request() == ''

@@ -22,6 +22,7 @@ task: {coordinates: [wx, vz], major: [vz]}
 characteristic_length: 1.0e-5
 compliance: 0.02
 stiffness: 2.0e+5
+flexure_stiffness: 3.0e+6
 actuators: [b, "it's", a-1]
 groups: {amplifier-1: [b, '7'], 'off': [a-1]}
 park: {vz: -2e-7, wx: 0}
@@ -40,6 +41,7 @@ struts:
 
 def same(one, other):
     assert (one.name, one.task, one.compliance) == (other.name, other.task, other.compliance)
+    assert str(one.flexure_stiffness) == str(other.flexure_stiffness)
     assert one.strut_names == other.strut_names
     assert (one.groups, one.park) == (other.groups, other.park)
     assert one.characteristic_length == pytest.approx(other.characteristic_length, rel=1e-15)

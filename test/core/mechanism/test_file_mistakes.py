@@ -104,6 +104,7 @@ MISTAKES = [
     ('task.minor', ['vz'], 'task.minor: is not a known key here'),
     ('characteristic_length', 0, 'characteristic_length: 0.0 is not a positive length'),
     ('characteristic_length', -2, 'characteristic_length: -2.0 is not a positive length'),
+    ('flexure_stiffness', -1, 'flexure_stiffness: -1.0 is not positive'),
     ('characteristic_length', INF, 'characteristic_length: inf is not a positive length'),
     ('characteristic_length', NAN, 'characteristic_length: is NaN'),
     ('characteristic_length', '1 m', "characteristic_length: is '1 m', expected a number"),
