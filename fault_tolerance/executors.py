@@ -60,7 +60,7 @@ class Processes(Executor):
             return self._pool.submit(function, *given, **named)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes, and ``wait`` for it; ``cancel_futures``: what has not begun is not."""
+        """End the processes and ``wait`` for it; ``cancel_futures``: leave out what is to come."""
         self._pool.shutdown(wait, cancel_futures=cancel_futures)
 
 

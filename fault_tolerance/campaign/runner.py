@@ -73,7 +73,8 @@ def tasks(
         try:
             text = mechanism_path(name).read_text(encoding='utf-8')
         except (OSError, UnicodeDecodeError) as error:
-            raise FaultToleranceError(f'{name}: cannot be read ({error})') from None
+            reason = getattr(error, 'strerror', None) or error
+            raise FaultToleranceError(f'{name}: cannot be read ({reason})') from None
         mechanism = mechanism_from_text(text, name)
         ClosedLoop(mechanism)  # complains here, not in another process
         cases = single_failures(mechanism)
@@ -122,8 +123,8 @@ def run_campaign(
 ) -> int:
     """Run a campaign, write its results to ``folder``; return 0 if all is as theory says, else 1.
 
-    ``mechanisms``, ``doubles``, ``groups`` and ``settings`` are those of `tasks`, ``workers`` those
-    of `executor_of`. FaultToleranceError if a mechanism cannot be used, or the results cannot be
+    ``mechanisms``, ``doubles``, ``groups`` and ``settings`` are those of `tasks`; ``workers`` is
+    that of `executor_of`. FaultToleranceError if a mechanism cannot be used, or the results cannot be
     written.
     """
     settings = settings or TrialSettings(clock=time.thread_time)
