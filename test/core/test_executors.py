@@ -20,7 +20,7 @@ from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.executors import executor_of, finished, mapped
 
 BRIEF = TrialSettings(
-    warm_up=0.1, healthy=0.1, latest=0.2, settling=0.1, watched=0.1, stopped=0.02
+    warm_up=0.05, healthy=0.05, latest=0.05, settling=0.02, watched=0.05, stopped=0.02
 )
 
 
