@@ -73,6 +73,9 @@ setup(
         'mujoco': ['mujoco>=3.3.6'],
         # Recordings as ROS 2 bags, without ROS.
         'record': ['rosbags>=0.11'],
+        # Other workers than processes of this machine.
+        'dask': ['distributed'],
+        'mpi': ['mpi4py'],
         # colcon looks for pytest under this name to decide that it can test the package.
         'test': [
             'pytest>=7.4',

@@ -12,9 +12,19 @@ from pathlib import Path
 
 from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.detection.responses import Sensors
+from fault_tolerance.executors import DASK, MPI, cores
 
 Command = Callable[[Callable[[argparse.Namespace], None], str], argparse.ArgumentParser]
 """Returns the parser of the command that a function, named as it is, carries out."""
+
+
+def add_workers(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add who does the work to a ``parser``; by ``default`` so many processes."""
+    parser.add_argument(
+        '--workers', type=workers, default=default, metavar='N|dask://HOST:PORT|mpi',
+        help=f'who does the work: processes (default: {default}), a Dask cluster, MPI; '
+        'the results are the same',
+    )
 
 
 def add_state(parser: argparse.ArgumentParser) -> None:
@@ -97,10 +107,8 @@ def add_trials(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--groups', action='store_true', help='every group of parts with a common cause, too'
     )
-    parser.add_argument(
-        '--jobs', type=positive, metavar='N', help='trials at a time (default: all cores)'
-    )
-    parser.add_argument('--seed', type=int, default=1, help='of noise and moments (default: 1)')
+    add_workers(parser, str(cores()))
+    parser.add_argument('--seed', type=whole, default=1, help='of noise and moments (default: 1)')
     parser.add_argument(
         '--reference', choices=('raster', 'circle'), default='raster',
         help='what the mirror follows (default: raster)',
@@ -120,10 +128,8 @@ def add_study(parser: argparse.ArgumentParser) -> None:
         '--trials', type=whole, default=200, metavar='N',
         help='of each failure at each amplitude (default: 200)',
     )
-    parser.add_argument(
-        '--jobs', type=positive, metavar='N', help='runs at a time (default: all cores)'
-    )
-    parser.add_argument('--seed', type=int, default=1, help='of all random numbers (default: 1)')
+    add_workers(parser, str(cores()))
+    parser.add_argument('--seed', type=whole, default=1, help='of all random numbers (default: 1)')
     parser.add_argument(
         '--output', default='detection_output', metavar='FOLDER',
         help='for the results; what is there already is not run again',
@@ -252,14 +258,18 @@ def step(text: str) -> tuple[str, float]:
     return value(text) if '=' in text else ('', value(f'all={text}')[1])
 
 
-def positive(text: str) -> int:
-    """Return ``text`` as a positive whole number.
+def workers(text: str) -> str:
+    """Return ``text`` if it is a number of processes, ``dask://HOST:PORT`` or ``mpi``.
 
-    ArgumentTypeError if it does not.
+    ArgumentTypeError if it is none of them.
     """
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a positive whole number')
-    return int(text)
+    host, _, port = text.removeprefix(DASK).rpartition(':')
+    good = host and port.isdecimal() if text.startswith(DASK) else text == MPI or (
+        text.isdecimal() and int(text) > 0)
+    if not good:
+        reason = f'{text!r} is not a number of processes, {DASK}HOST:PORT or {MPI}'
+        raise argparse.ArgumentTypeError(reason)
+    return text if not text.isdecimal() else str(int(text))
 
 
 def whole(text: str) -> int:

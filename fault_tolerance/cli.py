@@ -249,13 +249,14 @@ def _campaign(chosen: argparse.Namespace) -> int:
     )
     return run_campaign(
         Path(chosen.output), chosen.mechanisms or MECHANISMS,
-        doubles=not chosen.singles, groups=chosen.groups, jobs=chosen.jobs, settings=settings,
+        doubles=not chosen.singles, groups=chosen.groups, workers=chosen.workers,
+        settings=settings,
     )
 
 
 def _detection_study(chosen: argparse.Namespace) -> int:
     return run_study(
-        Path(chosen.output), chosen.cycles, chosen.trials, jobs=chosen.jobs, seed=chosen.seed
+        Path(chosen.output), chosen.cycles, chosen.trials, workers=chosen.workers, seed=chosen.seed
     )
 
 

@@ -218,6 +218,7 @@ class ClosedLoop:
             self.supervisor.joint_reading(seen.measured_values, now)
             output = self.supervisor.step(now)
             self.plant.command(output.rates)
+            self.supervisor.secondary.consider(output, now)
             if self.settings.monitor.detect != 'off':
                 self._listen(seen, output)
             shown = self.supervisor.converter.observe(output, now)

@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 
 from fault_tolerance import commands
-from fault_tolerance.arguments import Command, add_failed, positive, value
+from fault_tolerance.arguments import Command, add_failed, add_workers, value
 from fault_tolerance.design.grids import Axis, axis_from_text
 from fault_tolerance.errors import FaultToleranceError
 
@@ -66,10 +66,7 @@ def _add_work(parser: argparse.ArgumentParser, folder: str) -> None:
 
     To a ``parser``.
     """
-    parser.add_argument(
-        '--workers', type=positive, default=1, metavar='N',
-        help='processes (default: 1); the results are the same',
-    )
+    add_workers(parser, '1')
     parser.add_argument(
         '--output', type=Path, default=Path(folder), metavar='FOLDER', help='for the results'
     )
@@ -108,5 +105,5 @@ def _design(chosen: argparse.Namespace) -> None:
     design(chosen.specification, _work(chosen))
 
 
-def _work(chosen: argparse.Namespace) -> tuple[int, Path, commands.Form]:
+def _work(chosen: argparse.Namespace) -> tuple[str, Path, commands.Form]:
     return chosen.workers, chosen.output, 'json' if chosen.json else 'text'

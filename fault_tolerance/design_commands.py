@@ -3,8 +3,8 @@
 
 """What the command line does about design: maps, routes, optima.
 
-Each takes as ``work`` how many processes to use, the folder for the results, and the form in which
-to print what they say in short. FaultToleranceError if that cannot be done or written.
+Each takes as ``work`` who does it (`executor_of`), the folder for the results, and the form in
+which to print what they say in short. FaultToleranceError if that cannot be done or written.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from fault_tolerance.analysis.terminal import progress_bar
 from fault_tolerance.commands import Form, show
 from fault_tolerance.design.design_files import design_report, design_table, write_design
 from fault_tolerance.design.grids import Axis, Grid, grid_around
@@ -21,11 +22,11 @@ from fault_tolerance.design.optimum import best_design, trade_off
 from fault_tolerance.design.route_files import route_report, route_table, write_route
 from fault_tolerance.design.routes import fail_safe, widest_route
 from fault_tolerance.design.specification import specification_from_file
-from fault_tolerance.design.workers import executor_of
+from fault_tolerance.executors import executor_of
 from fault_tolerance.kinematics.failures import FailureLike
 from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 
-Work = tuple[int, Path, Form]
+Work = tuple[str, Path, Form]
 
 
 def map_poses(
@@ -67,9 +68,9 @@ def route(
 def design(specification: Path, work: Work) -> None:
     """Find the best design that the file ``specification`` allows, doing the ``work`` so."""
     workers, folder, form = work
-    with executor_of(workers) as executor:
-        asked = specification_from_file(specification)
-        found = best_design(asked, executor)
+    asked = specification_from_file(specification)
+    with progress_bar('designs tried') as watch, executor_of(workers) as executor:
+        found = best_design(asked, executor, watch)
         between = trade_off(found, executor) if asked.tradeoff else ()
     report = design_report(found, between)
     paths = write_design(found, report, folder)
@@ -80,9 +81,10 @@ def design(specification: Path, work: Work) -> None:
 def _mapped(
     name: str, grid: Grid, failed: Sequence[FailureLike], work: Work, *, certified: bool = False
 ) -> ToleranceMap:
-    with executor_of(work[0]) as executor:
+    mechanism = mechanism_named(name)
+    with progress_bar('parts of the map') as watch, executor_of(work[0]) as executor:
         return tolerance_map(
-            mechanism_named(name), grid, failed, certified=certified, executor=executor
+            mechanism, grid, failed, certified=certified, executor=executor, watch=watch
         )
 
 

@@ -4,7 +4,8 @@
 
 A test that does not run proves nothing, so a skip is a failure unless its reason is one of
 `ALLOWED_SKIPS` *and* holds on this machine; a run without any test fails too. Tests ask for what
-may be missing with a mark (``needs_launch``, ``needs_network_namespaces``) and import it inside.
+may be missing with a mark (``needs_launch``, ``needs_dask``, ``needs_network_namespaces``) and
+import it inside.
 """
 
 from __future__ import annotations
@@ -108,6 +109,12 @@ def new_network() -> tuple[str, ...]:
     return ()
 
 
+@cache
+def dask_is_missing() -> bool:
+    """Tell whether there is no Dask cluster to be made."""
+    return importlib.util.find_spec('distributed') is None
+
+
 def network_namespaces_are_refused() -> bool:
     """Tell whether this user may not make two networks and join them."""
     return not new_network()
@@ -121,6 +128,7 @@ def network():
 
 # reason -> (mark, whether it holds here)
 ALLOWED_SKIPS = {
+    'distributed (Dask) is not installed': ('needs_dask', dask_is_missing),
     'launch is not installed': ('needs_launch', launch_is_missing),
     'network namespaces are not permitted': ('needs_network_namespaces',
                                              network_namespaces_are_refused),

@@ -21,8 +21,10 @@ LARGEST_RATIO = 1.2
 
 COLUMNS = (
     'mechanism', 'failures', 'tolerable', 'final_state', 'error_rms', 'healthy_error_rms',
-    'peak_force', 'recovery_time_us', 'seed', 'group', 'with_conversion',
+    'peak_force', 'seed', 'group', 'with_conversion',
 )
+TIMES = ('mechanism', 'failures', 'recovery_time_us')
+"""Columns of results.csv, the same whoever does the work, and of timings.csv."""
 
 
 @dataclass(frozen=True)
@@ -85,18 +87,19 @@ class TrialRecord:
             found.append(f'with conversion error {ratio:.3g} times the healthy one')
         return tuple(found)
 
-    @property
-    def row(self) -> tuple[str, ...]:
-        """The record as one row of `COLUMNS`."""
-        values = (getattr(self, name) for name in COLUMNS)
+    def row(self, columns: Sequence[str]) -> tuple[str, ...]:
+        """Return the record as one row of ``columns``."""
+        values = (getattr(self, name) for name in columns)
         return tuple(str(one).lower() if isinstance(one, bool) else str(one) for one in values)
 
 
-def campaign_rows(records: Iterable[TrialRecord]) -> Iterator[tuple[str, ...]]:
-    """Yield the lines of results.csv: the heading, then one for each of ``records``."""
-    yield COLUMNS
+def campaign_rows(
+    records: Iterable[TrialRecord], columns: tuple[str, ...] = COLUMNS
+) -> Iterator[tuple[str, ...]]:
+    """Yield the lines of a file with ``columns``: these, then one line for each of ``records``."""
+    yield columns
     for record in records:
-        yield record.row
+        yield record.row(columns)
 
 
 def campaign_summary(records: Sequence[TrialRecord], seed: int) -> dict[str, Any]:

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
-from rich import box
+from rich import box, progress
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderableType, RenderResult
 from rich.console import RenderHook as _RenderHook
@@ -28,6 +29,23 @@ def console_for_text(**options: Any) -> Console:
     if not console.encoding.startswith('utf'):
         console.push_render_hook(_DotsForEllipses())
     return console
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Yield what takes how much is done and how much there is, to be shown as a bar.
+
+    With ``what`` it is of before it, on standard error, where that is a terminal.
+    """
+    console = console_for_text(stderr=True)
+    columns = (
+        progress.TextColumn('{task.description}'), progress.BarColumn(),
+        progress.MofNCompleteColumn(), progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+    )
+    with progress.Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        shown = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(shown, completed=done, total=total)
 
 
 def plain_table(*columns: str, numbers: Sequence[str] = (), **options: Any) -> Table:

@@ -11,20 +11,15 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from rich import progress
-
 from fault_tolerance.analysis.study_results import study_rows, study_summary, study_table
-from fault_tolerance.analysis.terminal import console_for_text
+from fault_tolerance.analysis.terminal import console_for_text, progress_bar
 from fault_tolerance.campaign.detection_trials import FailureRun, HealthyRun, Run, result_of
+from fault_tolerance.campaign.stored_results import results_of
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.executors import executor_of
 from fault_tolerance.kernel.compilation import announced_kernel
 
 SHARES = {
@@ -82,46 +77,8 @@ def study_runs(cycles: int, trials: int, entropy: int) -> list[Run]:
     return runs
 
 
-def results(runs: Sequence[Run], folder: Path, jobs: int) -> Iterator[dict[str, Any]]:
-    """Yield the results of ``runs``, from files in ``folder`` where they are there.
-
-    Parameters
-    ----------
-    runs : sequence
-    folder : Path
-        Is made if it is missing.
-    jobs : int
-        Processes at a time.
-
-    Yields
-    ------
-    dict
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    missing = []
-    for run in runs:
-        found = _stored(run, folder)
-        if found is None:
-            missing.append(run)
-        else:
-            yield found
-    if jobs == 1 or len(missing) < 2:
-        for run in missing:
-            yield _carried_out(run, folder)
-        return
-    # Matrices are small: one BLAS thread per process.
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    with ProcessPoolExecutor(jobs, mp_context=get_context('spawn')) as pool:
-        try:
-            for done in as_completed([pool.submit(_carried_out, run, folder) for run in missing]):
-                yield done.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-
-
 def run_study(
-    folder: Path, cycles: int, trials: int, *, jobs: int | None = None, seed: int = 1
+    folder: Path, cycles: int, trials: int, *, workers: str = '1', seed: int = 1
 ) -> int:
     """Run a study, or what is missing of it, and write what came of it to ``folder``.
 
@@ -131,8 +88,8 @@ def run_study(
         Gets ``parts``, ``results.csv``, ``summary.json``, and ``study.png`` with matplotlib.
     cycles, trials : int
         See `study_runs`.
-    jobs : int, optional
-        Processes at a time, on all cores by default.
+    workers : str
+        See `executor_of`.
     seed : int
 
     Returns
@@ -143,23 +100,14 @@ def run_study(
     Raises
     ------
     FaultToleranceError
-        If the results cannot be written.
+        If the results cannot be written, or the workers fail.
     """
     announced_kernel()
     runs = study_runs(cycles, trials, seed)
     console = console_for_text(markup=False, emoji=False, highlight=False)
-    columns = (
-        progress.TextColumn('{task.description}'), progress.BarColumn(),
-        progress.MofNCompleteColumn(), progress.TimeElapsedColumn(),
-        progress.TimeRemainingColumn(),
-    )
-    found = []
     try:
-        with progress.Progress(*columns, console=console) as bar:
-            shown = bar.add_task('runs', total=len(runs))
-            for one in results(runs, folder / 'parts', jobs or _cores()):
-                found.append(one)
-                bar.advance(shown)
+        with progress_bar('runs') as watch, executor_of(workers) as executor:
+            found = results_of(runs, result_of, folder / 'parts', executor, watch)
         summary = study_summary(found, seed)
         with (folder / 'results.csv').open('w', newline='', encoding='utf-8') as file:
             csv.writer(file, lineterminator='\n').writerows(study_rows(summary))
@@ -178,34 +126,3 @@ def _draw(summary: dict[str, Any], folder: Path) -> None:
     except ImportError:
         return
     draw_study(summary, folder / 'study.png')
-
-
-def _carried_out(run: Run, folder: Path) -> dict[str, Any]:
-    """Carry out a run and store its result."""
-    found = result_of(run)
-    place = folder / f'{run.label}.json'
-    beside = place.with_suffix('.new')
-    beside.write_text(json.dumps({'run': _plain(run), 'result': found}), encoding='utf-8')
-    # All of it or nothing, whenever this is interrupted.
-    beside.replace(place)
-    return found
-
-
-def _stored(run: Run, folder: Path) -> dict[str, Any] | None:
-    """Return the result of the very same run, if it is there."""
-    try:
-        text = (folder / f'{run.label}.json').read_text(encoding='utf-8')
-        kept: dict[str, Any] = json.loads(text)
-    except (OSError, ValueError):
-        return None
-    found: dict[str, Any] | None = kept.get('result')
-    return found if kept.get('run') == _plain(run) else None
-
-
-def _plain(run: Run) -> dict[str, Any]:
-    """Return what determines a run."""
-    return {**asdict(run), 'key': list(run.key)}
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else 1

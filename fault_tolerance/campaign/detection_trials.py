@@ -45,11 +45,6 @@ class HealthyRun:
     entropy: int
     flawed: bool = True
 
-    @property
-    def label(self) -> str:
-        """A name for its file."""
-        return '-'.join(['healthy', self.mechanism, *map(str, self.key)])
-
 
 @dataclass(frozen=True)
 class FailureRun:
@@ -67,11 +62,6 @@ class FailureRun:
     trials: int
     key: tuple[int, ...]
     entropy: int
-
-    @property
-    def label(self) -> str:
-        """A name for its file."""
-        return '-'.join(['failure', self.mechanism, self.fault, *map(str, self.key)])
 
 
 Run = HealthyRun | FailureRun

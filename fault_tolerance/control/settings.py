@@ -12,6 +12,7 @@ from typing import Literal
 
 UnknownMode = Literal['stop', 'ignore']
 Convert = Literal['advise', 'act']
+Secondary = Literal['follow', 'tolerance']
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,11 @@ class Settings:
     convert : {'advise', 'act'}
         Whether brakes and releases of the mechanism file are only advised, or commanded where
         the failures are not tolerated otherwise.
+    secondary : {'follow', 'tolerance'}
+        Whether secondary coordinates go as they are asked to, or, while nothing has failed, to
+        where the worst measure of the next failure is larger.
+    secondary_speed : float
+        rad/s, and characteristic lengths per second: of secondary coordinates on the way there.
     clock : callable, optional
         Returns seconds; measures the time a recovery takes. 0 s are given without it.
     """
@@ -79,6 +85,8 @@ class Settings:
     tracking_error_limit: float = 0.0
     saturation_limit: float = 0.0
     convert: Convert = 'advise'
+    secondary: Secondary = 'follow'
+    secondary_speed: float = 0.02
     clock: Callable[[], float] | None = None
 
     def __post_init__(self) -> None:
@@ -90,6 +98,7 @@ class Settings:
             'stroke_gain',
             'max_acceleration',
             'misfit_limit',
+            'secondary_speed',
         )
         for name in positive:
             value = getattr(self, name)
@@ -105,5 +114,7 @@ class Settings:
             raise ValueError('hold_below, slow_below: expected 0 < hold_below < slow_below < 1')
         if self.convert not in ('advise', 'act'):
             raise ValueError(f'convert: {self.convert!r} is neither advise nor act')
+        if self.secondary not in ('follow', 'tolerance'):
+            raise ValueError(f'secondary: {self.secondary!r} is neither follow nor tolerance')
         if self.unknown_mode not in ('stop', 'ignore'):
             raise ValueError(f'unknown_mode: {self.unknown_mode!r} is neither stop nor ignore')

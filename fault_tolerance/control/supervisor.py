@@ -26,6 +26,7 @@ from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
 from fault_tolerance.control.parking import Parking
 from fault_tolerance.control.resolved_rate import no_command, rate_command, resting
+from fault_tolerance.control.secondary_motion import SecondaryMotion
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, Reason, State, StateMachine
 from fault_tolerance.control.task_velocity import TaskVelocity
@@ -63,6 +64,8 @@ class Supervisor:
         Looks at the failures when it is told to.
     still_reported : callable
         Returns whether a clear now (seconds) would leave a failure in force.
+    secondary : SecondaryMotion
+        Looks around when it is told to.
     """
 
     def __init__(
@@ -73,8 +76,7 @@ class Supervisor:
         self._readings = Continuity(mechanism, given.joint_state_timeout, self._turns)
         self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
         self._ledger = FailureLedger(
-            mechanism,
-            auto_clear=given.auto_clear, report_timeout=given.report_timeout,
+            mechanism, auto_clear=given.auto_clear, report_timeout=given.report_timeout,
             stop_on_unknown_mode=given.unknown_mode == 'stop',
         )
         self.still_reported = self._ledger.still_reported
@@ -85,6 +87,7 @@ class Supervisor:
         self._watch = Watch(mechanism, self.settings)
         self._parking = Parking(mechanism)
         self.converter = Converter(mechanism, given.convert == 'act')
+        self.secondary = SecondaryMotion(mechanism, given.secondary == 'tolerance')
         self._shape = (len(mechanism.actuators),)
         self._beside: tuple[FloatArray, FailureSet] | None = None
         self._pauses: set[str] = set()
@@ -115,6 +118,7 @@ class Supervisor:
         self.settings = self._watch.settings = settings
         self._readings.timeout = settings.joint_state_timeout
         self.converter.acting = settings.convert == 'act'
+        self.secondary.switch(settings.secondary == 'tolerance')
         self._velocity.timeout = settings.command_timeout
         self._ledger.set_rules(
             settings.auto_clear, settings.unknown_mode == 'stop', settings.report_timeout
@@ -242,7 +246,9 @@ class Supervisor:
                 hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
             hold = hold or found.obstacle or ('' if found.tolerated or degraded else found)
             if found.located and not (stop or hold or self._machine.stop):
-                command = rate_command(self._model, found, asked, before, now)
+                climbs = self.secondary.active and not idle
+                wanted = self.secondary.velocity(asked, found, now) if climbs else asked
+                command = rate_command(self._model, found, wanted, before, now)
                 hold = command.obstacle
             waiting = '' if found.located else WAITING
             decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')

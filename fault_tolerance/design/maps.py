@@ -16,7 +16,7 @@ import numpy as np
 from fault_tolerance.design.certificates import Proof, certifiable, proven
 from fault_tolerance.design.grids import Grid
 from fault_tolerance.design.pose_measures import PoseMeasures, by_pose, joined, pose_measures
-from fault_tolerance.design.workers import mapped
+from fault_tolerance.executors import Watch, mapped
 from fault_tolerance.kinematics.failures import FailureLike, FailureSet, failure_set
 from fault_tolerance.kinematics.measures import worst_failure
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
@@ -113,6 +113,7 @@ def tolerance_map(
     *,
     certified: bool = False,
     executor: Executor | None = None,
+    watch: Watch | None = None,
 ) -> ToleranceMap:
     """Return the map of ``mechanism`` over ``grid``.
 
@@ -126,6 +127,8 @@ def tolerance_map(
         Also prove cells: see `proven`.
     executor : concurrent.futures.Executor, optional
         What to spread the work over; the result is the same.
+    watch : Watch, optional
+        Is told how far it is.
 
     Returns
     -------
@@ -144,12 +147,12 @@ def tolerance_map(
     batch = certifiable(mechanism, failures) if certified else None
     size = _AT_A_TIME if by_pose(mechanism) else _AT_A_TIME_DEFINED
     measure = partial(pose_measures, mechanism, grid.names, failures=failures)
-    found = joined(list(mapped(measure, _parts(grid.poses, size), executor)))
+    found = joined(mapped(measure, _parts(grid.poses, size), executor, watch))
     if batch is None:
         return ToleranceMap(mechanism, grid, failures, found)
     half = np.array([axis.step / 2.0 for axis in grid.axes])
     prove = partial(_proven, mechanism, failures, grid.names, half)
-    proofs = list(mapped(prove, _parts(grid.centres, _CELLS_AT_A_TIME), executor))
+    proofs = mapped(prove, _parts(grid.centres, _CELLS_AT_A_TIME), executor, watch)
     shape = tuple(axis.count - 1 for axis in grid.axes)
     proof = Proof(*(np.concatenate(column).reshape(shape) for column in zip(*proofs, strict=True)))
     return ToleranceMap(mechanism, grid, failures, found, proof)

@@ -22,8 +22,8 @@ from scipy.optimize import Bounds, differential_evolution, minimize
 from scipy.stats import qmc
 
 from fault_tolerance.design.specification import Specification
-from fault_tolerance.design.workers import mapped
 from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.executors import Watch, mapped
 from fault_tolerance.kinematics.reconfiguration import PostFailure, after
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -65,12 +65,13 @@ def states(specification: Specification, values: FloatArray) -> list[PostFailure
 
 
 def best_design(
-    specification: Specification, executor: Executor | None = None
+    specification: Specification, executor: Executor | None = None, watch: Watch | None = None
 ) -> Design:
     """Return the best design that ``specification`` allows.
 
-    The work is spread over ``executor``; the result is the same. FaultToleranceError if no design
-    was found that meets the constraints.
+    The work is spread over ``executor``; the result is the same. ``watch`` is told how many
+    designs have been tried, of how many at most. FaultToleranceError if no design was found that
+    meets the constraints.
     """
     judge = _Judge(specification)
     low, high = np.array([(one.low, one.high) for one in specification.free]).T
@@ -85,8 +86,10 @@ def best_design(
         function: Callable[[FloatArray], float], items: Iterable[FloatArray]
     ) -> list[float]:
         designs = [np.array(one) for one in items]
-        costs = list(mapped(function, designs, executor))
+        costs = mapped(function, designs, executor)
         tried.extend(zip(costs, designs, strict=True))
+        if watch is not None:
+            watch(len(tried), len(drawn) * (specification.generations + 1))
         return costs
 
     differential_evolution(
@@ -94,7 +97,7 @@ def best_design(
         maxiter=specification.generations, updating='deferred', workers=spread, tol=1e-6,
     )
     starts = [one for _, one in sorted(tried, key=itemgetter(0))[: specification.polish]]
-    polished = list(mapped(partial(_polished, judge, low, high), starts, executor))
+    polished = mapped(partial(_polished, judge, low, high), starts, executor)
     candidates = [*polished, *starts]
     costs = [judge.cost(one) for one in candidates]
     best = candidates[int(np.argmin(costs))]

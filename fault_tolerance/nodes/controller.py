@@ -95,6 +95,7 @@ class Controller(Node):
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
+        self._supervisor.secondary.consider(output, now)
         answered = output.estimate.readings if answers else None
         self._silent.command(output.command.rates, answered)
         for notice in self._supervisor.watch(self._silent.monitor.internal_force):

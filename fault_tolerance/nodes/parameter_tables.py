@@ -86,6 +86,13 @@ CONTROLLER = (
             'brakes and releases of the mechanism file: only advised, or commanded where '
             'failures are intolerable otherwise',
             '', None, ('advise', 'act')),
+        secondary=(
+            'secondary coordinates: as asked, or, with nothing failed, to where the next failure '
+            'costs less',
+            '', None, ('follow', 'tolerance')),
+        secondary_speed=(
+            'of secondary coordinates on that way, per second: rad, or characteristic lengths',
+            '1/s', (1e-6, 10.0)),
         misfit_limit=(
             'hold if redundant joint readings disagree by more than this share of '
             'the characteristic length',

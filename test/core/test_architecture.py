@@ -16,6 +16,7 @@ PACKAGE = ROOT / 'fault_tolerance'
 # Doors lead downwards only: to a lower number, or to another module of the same folder.
 LAYERS = {
     'errors': 0,
+    'executors': 1,
     'resources': 0,
     'tolerances': 0,
     'mechanism': 2,

@@ -42,6 +42,8 @@ PRINTED = {
     '09_two_engines.py': ['with recovery:', 'without:', 'theta_4 stuck               degraded'],
     '10_maps_and_routes.py': [
         'no failure is fatal:  43.4%', '      0.0   0.4082', 'nowhere below 0.1137'],
+    '11_off_axis_mirror.py': [
+        'with leg_1 stuck stopped', 'tolerance: turned by 86.3 mrad', 'with leg_1 stuck degraded'],
 }
 
 

@@ -25,7 +25,7 @@ ROSDEP_KEY_OF = {
 }
 REQUIREMENT_OF = {'yaml': 'PyYAML'}
 # Extras of the pip package, not to be counted on as apt packages of Ubuntu 24.04; never needed.
-PIP_ONLY = {'mujoco': 'mujoco', 'rosbags': 'record'}
+PIP_ONLY = {'distributed': 'dask', 'mpi4py': 'mpi', 'mujoco': 'mujoco', 'rosbags': 'record'}
 
 
 def imported_names(folder):

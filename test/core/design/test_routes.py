@@ -12,6 +12,7 @@ import pytest
 from core.design.test_pose_measures import platform
 from scipy.ndimage import gaussian_filter
 
+from benchmark.replays import replayed
 from fault_tolerance.cli import main
 from fault_tolerance.design.grids import Axis, Grid, grid_around
 from fault_tolerance.design.maps import ToleranceMap, tolerance_map
@@ -163,6 +164,18 @@ def test_a_fail_safe_route_stays_on_fail_safe_places():
         place = [round((value - axis.low) / axis.step)
                  for value, axis in zip(pose, axes, strict=True)]
         assert safe[tuple(place)]
+    # All waypoints and drives: python -m benchmark.replays
+    outcomes = replayed(found, route.poses[:2], goal, ['leg_1'])
+    assert [one.reached for one in outcomes] == [True, True]
+
+
+def test_a_drive_that_sticks_elsewhere_puts_the_goal_out_of_reach():
+    axes = Axis('vx', -0.04, 0.04, 9), Axis('vy', -0.02, 0.02, 5), Axis('wz', -0.3, 0.3, 25)
+    found, goal = tolerance_map(PLATFORM, Grid(axes)), {'vx': 0.04}
+    safe, spot = fail_safe(found, goal), (0, 0, 4)
+    assert (found.reachable & found.tolerable)[spot] and not safe[spot]
+    pose = found.grid.poses.reshape(9, 5, 25, 3)[spot]
+    assert [one.reached for one in replayed(found, [pose], goal, ['leg_6'])] == [False]
 
 
 @pytest.mark.parametrize(('goal', 'words'), [
