@@ -124,8 +124,8 @@ def run_campaign(
     """Run a campaign, write its results to ``folder``; return 0 if all is as theory says, else 1.
 
     ``mechanisms``, ``doubles``, ``groups`` and ``settings`` are those of `tasks`; ``workers`` is
-    that of `executor_of`. FaultToleranceError if a mechanism cannot be used, or the results cannot be
-    written.
+    that of `executor_of`. FaultToleranceError if a mechanism cannot be used, or the results cannot
+    be written.
     """
     settings = settings or TrialSettings(clock=time.thread_time)
     console = console_for_text(markup=False, emoji=False, highlight=False)

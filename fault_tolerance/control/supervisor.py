@@ -226,13 +226,11 @@ class Supervisor:
             self.forget_times(now)
         self._now = now
         ledger, readings, parking = self._ledger, self._readings, self._parking
-        failures, before, settings = ledger.failures, self._command, self.settings
-        command, asked, idle = None, self._velocity.value, ''
+        failures, before, found = ledger.failures, self._command, self._estimate
+        command, asked, idle, stale = None, self._velocity.value, '', now > readings.deadline
         if asked is None or now > self._velocity.deadline:
             asked, idle = self._velocity.nothing()
-        stale = now > readings.deadline
         try:
-            found = self._estimate
             # Without anything new, too: so the first step after a failure finds its way cached.
             if readings.value is not None and (self._outdated or not stale):
                 if self._unread:  # else from the same place again: the same to the last bit
@@ -243,7 +241,7 @@ class Supervisor:
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = ', '.join(sorted(self._pauses)) or readings.doubt
             if stale and not hold:
-                hold = f'no usable joint state for {settings.joint_state_timeout:g} s'
+                hold = f'no usable joint state for {self.settings.joint_state_timeout:g} s'
             hold = hold or found.obstacle or ('' if found.tolerated or degraded else found)
             if found.located and not (stop or hold or self._machine.stop):
                 climbs = self.secondary.active and not idle
@@ -270,8 +268,8 @@ class Supervisor:
         elif self._beside is not None and self._beside[1] is failures:
             command = command.with_rates_beside(self._beside[0])
         self._command, readings.moving = command, moving
-        if self._reported_at is not None and settings.clock is not None:
-            self._reconfiguration_time = settings.clock() - self._reported_at
+        if self._reported_at is not None and self.settings.clock is not None:
+            self._reconfiguration_time = self.settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, asked, idle,
