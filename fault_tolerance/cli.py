@@ -28,10 +28,6 @@ from fault_tolerance.arguments import (
     add_trials,
     add_watch,
 )
-from fault_tolerance.campaign.cases import MECHANISMS
-from fault_tolerance.campaign.detection_study import run_study
-from fault_tolerance.campaign.runner import run_campaign
-from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.design_cli import add_design_commands
 from fault_tolerance.drive_rules.rule_files import rules_named
 from fault_tolerance.errors import FaultToleranceError
@@ -239,6 +235,10 @@ def _detect(chosen: argparse.Namespace) -> None:
 
 
 def _campaign(chosen: argparse.Namespace) -> int:
+    # Simulation, and all it needs, takes longer to import than all the rest.
+    from fault_tolerance.campaign.cases import MECHANISMS
+    from fault_tolerance.campaign.runner import run_campaign
+    from fault_tolerance.campaign.trial import TrialSettings
     raster = chosen.reference == 'raster'
     settings = TrialSettings(
         reference=Raster(frequency=1.0) if raster else Circle(),
@@ -255,6 +255,7 @@ def _campaign(chosen: argparse.Namespace) -> int:
 
 
 def _detection_study(chosen: argparse.Namespace) -> int:
+    from fault_tolerance.campaign.detection_study import run_study
     return run_study(
         Path(chosen.output), chosen.cycles, chosen.trials, workers=chosen.workers, seed=chosen.seed
     )

@@ -10,13 +10,6 @@ from math import inf
 from pathlib import Path
 
 from fault_tolerance.arguments import Command, add_forms
-from fault_tolerance.machine_commands import (
-    export_machine,
-    import_machine,
-    new_delta,
-    new_hexapod,
-    new_mirror,
-)
 from fault_tolerance.machines.leg_types import LEG_TYPES
 from fault_tolerance.machines.units import Units, units_named
 from fault_tolerance.mechanism.task import COORDINATES
@@ -33,14 +26,18 @@ def add_machine_commands(command: Command) -> None:
 
 
 def _new(chosen: argparse.Namespace) -> None:
-    chosen.make(chosen)
+    # What they need, scipy too, takes longer to import than all the rest.
+    from fault_tolerance import machine_commands
+    getattr(machine_commands, chosen.make)(chosen)
 
 
 def _import(chosen: argparse.Namespace) -> None:
+    from fault_tolerance.machine_commands import import_machine
     import_machine(chosen)
 
 
 def _export(chosen: argparse.Namespace) -> None:
+    from fault_tolerance.machine_commands import export_machine
     export_machine(chosen)
 
 
@@ -49,7 +46,7 @@ def _add_new(parser: argparse.ArgumentParser) -> None:
     kinds = parser.add_subparsers(required=True, metavar='KIND', parser_class=type(parser))
 
     one = kinds.add_parser('hexapod', help='legs from a table, or from a few numbers')
-    one.set_defaults(make=new_hexapod)
+    one.set_defaults(make='new_hexapod')
     one.add_argument('table', nargs='?', type=Path, metavar='TABLE.csv', help='one leg a line')
     one.add_argument('--template', action='store_true', help='print a table to fill in')
     one.add_argument(
@@ -67,14 +64,14 @@ def _add_new(parser: argparse.ArgumentParser) -> None:
     _add_output(one)
 
     one = kinds.add_parser('mirror', help='a fast steering mirror on upright struts')
-    one.set_defaults(make=new_mirror)
+    one.set_defaults(make='new_mirror')
     one.add_argument('--struts', type=int, default=4, metavar='N', help='3 or more (default: 4)')
     for option in ('radius', 'length'):
         one.add_argument(f'--{option}', type=_number, required=True, metavar='NUMBER')
     _add_output(one)
 
     one = kinds.add_parser('delta', help='a delta robot, three translations')
-    one.set_defaults(make=new_delta)
+    one.set_defaults(make='new_delta')
     one.add_argument(
         '--legs', type=str.upper, choices=('RUU', 'PUU'), default='RUU',
         help='cranks, or upright slides (default: RUU)',
