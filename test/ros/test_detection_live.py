@@ -97,22 +97,6 @@ def test_a_silent_stuck_drive_is_named_and_handled(start, probe):
     assert probe.state == 'nominal'
 
 
-def test_advice_is_given_and_nothing_done(start, probe):
-    machine = Machine(start, probe, 'advise')
-    machine.inject('silent stuck theta_2')
-    status = machine.wait_for_suspicion()
-    assert status.hardware_id == 'theta_2'
-    assert status.level == b'\x01'
-    assert values_of(status)['suspected_mode'] == 'position'
-    assert 'failure_mode' not in values_of(status)
-    probe.spin(0.5)
-    assert probe.state == 'nominal'
-    # The drive is still commanded, so it is still seen.
-    assert probe.clear().message == 'still reported: theta_2 (position); now nominal'
-    machine.diagnostics.clear()
-    assert machine.wait_for_suspicion().hardware_id == 'theta_2'
-
-
 def test_latent_failures_are_found_by_a_probe_or_their_group(start, probe):
     machine = Machine(start, probe, 'act')
     machine.probe_until(
@@ -146,15 +130,28 @@ def test_a_probe_is_refused_with_the_reason(start, probe):
     assert 'does not move' in machine.probed().message
 
 
-def test_switched_off_it_says_nothing_until_it_is_switched_on(start, probe):
+def test_switched_off_it_says_nothing_and_switched_on_it_gives_advice(start, probe):
+    commands = probe.heard(JointState, 'fault_tolerance/joint_commands')
     # As it is typed: YAML reads the word as false.
     machine = Machine(start, probe, 'off')
-    machine.inject('silent stuck theta_4')
+    check_named_commands(commands, probe)
+    machine.inject('silent stuck theta_2')
     probe.spin(0.5)
     assert not machine.suspicions
     assert machine.probed().message == 'detection is off'
     assert probe.set_parameter('fault_tolerance', 'detect', 'advise').successful
-    assert machine.wait_for_suspicion().hardware_id == 'theta_4'
+    status = machine.wait_for_suspicion()
+    assert status.hardware_id == 'theta_2'
+    assert status.level == b'\x01'
+    assert values_of(status)['suspected_mode'] == 'position'
+    assert 'failure_mode' not in values_of(status)
+    # Advice changes nothing.
+    probe.spin(0.5)
+    assert probe.state == 'nominal'
+    # The drive is still commanded, so it is still seen.
+    assert probe.clear().message == 'still reported: theta_2 (position); now nominal'
+    machine.diagnostics.clear()
+    assert machine.wait_for_suspicion().hardware_id == 'theta_2'
     # As `ros2 param set` sends the word.
     assert probe.set_parameter('fault_tolerance', 'detect', False).successful
     machine.diagnostics.clear()
@@ -163,9 +160,8 @@ def test_switched_off_it_says_nothing_until_it_is_switched_on(start, probe):
     assert machine.probed().message == 'detection is off'
 
 
-def test_commands_are_published_with_names_and_stamp(start, probe):
-    commands = probe.heard(JointState, 'fault_tolerance/joint_commands')
-    Machine(start, probe, 'advise')
+def check_named_commands(commands, probe):
+    """Commands are published with names and stamp, too."""
     probe.wait(lambda: commands and any(commands[-1].velocity), 'commands')
     last = commands[-1]
     assert list(last.name) == ['theta_1', 'theta_2', 'theta_3', 'theta_4']
