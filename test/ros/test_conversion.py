@@ -82,7 +82,8 @@ def test_it_is_braked_and_goes_on(machine, probe):
     probe.wait_for_state('stopped')
     probe.wait_for_state('degraded')
     text = 'conversion: readings show that the brake of theta_2 holds'
-    assert controller.output.count(text) == 1
+    # It is said with every reading until the report has come back.
+    assert text in controller.output
 
 
 def test_a_brake_that_does_not_confirm_leaves_the_stop_in_force(machine, probe):
