@@ -128,6 +128,22 @@ def test_a_mirror_whose_brakes_report_nothing(engine, holds):
     assert not any(machine.notices)
 
 
+def test_what_is_shown_is_told_once_a_second_until_it_is_heard():
+    supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
+    converter, told = supervisor.converter, []
+    for now in np.arange(0.0, 2.5, PERIOD):
+        supervisor.joint_reading(np.array([0.0, 3e-4 * min(now, 0.1), 0.0]), now)
+        output = supervisor.step(now)
+        if now == 0.0:
+            output = report(supervisor, 'torque', 'theta_2', now)
+        shown = converter.observe(output, now)
+        converter.consider(output, now)
+        if shown:
+            assert (shown.target, shown.mode) == ('theta_2', 'position')
+            told.append(now)
+    assert told == pytest.approx([0.4, 1.4, 2.4], abs=2.0 * PERIOD)
+
+
 def test_what_has_not_moved_cannot_be_told():
     supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
     converter = supervisor.converter
