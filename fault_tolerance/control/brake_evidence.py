@@ -39,8 +39,8 @@ END = 0.02
 REVOKED = 1e-4
 """Characteristic lengths after which a drive that moves is not held; or its travel, if longer."""
 
-MOST = 2000
-"""Readings kept."""
+MOST, LOOK = 2000, 0.015
+"""Readings kept, and seconds from one look at them to the next: it takes a quarter of a millisecond."""
 
 _LEAST_READINGS = 4
 
@@ -70,6 +70,7 @@ class BrakeEvidence:
         self.travel = 0.0
         self.place: float | None = None
         self.refuted = False
+        self._looked = -np.inf
 
     def add(self, now: float, value: float) -> None:
         """Take what the drive reads ``now`` (s): ``value``, m or rad from home."""
@@ -94,6 +95,9 @@ class BrakeEvidence:
         """Return whether it has been held since its brake was ``asked`` for (s)."""
         if self.refuted or len(self._course) < 2 * _LEAST_READINGS:
             return False
+        if self._course[-1][0] < self._looked + LOOK:
+            return False
+        self._looked = self._course[-1][0]
         times, values = np.array(self._course).T
         end = float(np.median(values[-_LEAST_READINGS:]))
         self.travel = abs(end - values[0])

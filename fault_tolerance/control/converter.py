@@ -61,6 +61,7 @@ class Converter:
         self._watched = FailureSet()
         self._readings: FloatArray | None = None
         self._evidence: dict[str, BrakeEvidence] = {}
+        self._told: dict[str, float] = {}
 
     def consider(self, output: Output, now: float) -> bool:
         """Look at the failures of an ``output`` (``now``, s), unless they have been looked at.
@@ -128,7 +129,10 @@ class Converter:
                 return Report((CONVERSION, name), name, FailureMode.TORQUE.value, ERROR, now)
             if name in failures.free:
                 evidence.add(now, value)
-                if name in self._since and evidence.shows_a_stop(self._since[name]):
+                # A report takes its time to come back, and may get lost.
+                due = name in self._since and now >= self._told.get(name, -inf) + CONFIRMATION
+                if due and evidence.shows_a_stop(self._since[name]):
+                    self._told[name] = now
                     return Report((CONVERSION, name), name, FailureMode.POSITION.value, ERROR, now)
         return None
 
