@@ -40,7 +40,7 @@ REVOKED = 1e-4
 """Characteristic lengths after which a drive that moves is not held; or its travel, if longer."""
 
 MOST, LOOK = 2000, 0.015
-"""Readings kept, and seconds from one look at them to the next: it takes a quarter of a millisecond."""
+"""Readings kept, and seconds between two looks at them, which take a quarter of a millisecond."""
 
 _LEAST_READINGS = 4
 
