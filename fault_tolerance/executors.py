@@ -140,6 +140,7 @@ def mapped(
 def _dask(address: str) -> Iterator[Executor]:
     try:
         from distributed import Client
+        from distributed import TimeoutError as Late
         from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
     except ImportError:
@@ -154,7 +155,7 @@ def _dask(address: str) -> Iterator[Executor]:
             client.wait_for_workers(1, timeout=_PATIENCE)
             with client.get_executor() as cluster:
                 yield cluster
-        except TimeoutError:
+        except Late:
             raise FaultToleranceError(f'{DASK}{address}: the scheduler has no workers') from None
         except (KilledWorker, CommClosedError, CancelledError) as error:
             raise FaultToleranceError(f'{DASK}{address}: the cluster fails ({error})') from None
