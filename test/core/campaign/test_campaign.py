@@ -5,6 +5,7 @@
 import csv
 import io
 import json
+import time
 from dataclasses import replace
 
 import pytest
@@ -148,7 +149,8 @@ def test_the_table_fits_eighty_columns_without_breaking_a_word():
 
 
 def test_results_are_written_as_the_contract_says(tmp_path, capsys):
-    settings = replace(SHORT, warm_up=0.1, healthy=0.1, settling=0.1, watched=0.1, stopped=0.02)
+    settings = replace(SHORT, warm_up=0.1, healthy=0.1, settling=0.1, watched=0.1, stopped=0.02,
+                       clock=time.thread_time)
     code = run_campaign(
         tmp_path, ['mirror_3_strut'], doubles=False, settings=settings
     )
@@ -157,9 +159,15 @@ def test_results_are_written_as_the_contract_says(tmp_path, capsys):
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == COLUMNS == (
         'mechanism', 'failures', 'tolerable', 'final_state', 'error_rms', 'healthy_error_rms',
-        'peak_force', 'seed', 'group', 'with_conversion',
+        'peak_force', 'recovery_time_us', 'seed', 'group', 'with_conversion',
     )
     assert len(rows) == 9
+    # Times are another file's: this one is the same whoever does the work.
+    assert {row['recovery_time_us'] for row in rows} == {''}
+    with (tmp_path / 'timings.csv').open(newline='') as file:
+        timings = list(csv.DictReader(file))
+    assert [row['failures'] for row in timings] == [row['failures'] for row in rows]
+    assert all(float(row['recovery_time_us']) > 0.0 for row in timings)
     assert {row['tolerable'] for row in rows} == {'true', 'false'}
     assert [row['failures'] for row in rows if row['tolerable'] == 'true'] == [
         'position:theta_1', 'position:theta_2', 'position:theta_3']
