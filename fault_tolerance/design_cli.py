@@ -57,7 +57,10 @@ def _add_route(parser: argparse.ArgumentParser) -> None:
 
 def _add_design(parser: argparse.ArgumentParser) -> None:
     """Add the specification of a design, and how it is made, to a ``parser``."""
-    parser.add_argument('specification', type=Path, metavar='SPEC', help='a file, docs/design.md')
+    parser.add_argument(
+        'specifications', nargs='+', type=Path, metavar='SPEC',
+        help='a file, docs/design.md; several are compared, by their number of drives too',
+    )
     _add_work(parser, 'design_output')
 
 
@@ -102,7 +105,7 @@ def _route(chosen: argparse.Namespace) -> None:
 
 def _design(chosen: argparse.Namespace) -> None:
     from fault_tolerance.design_commands import design
-    design(chosen.specification, _work(chosen))
+    design(chosen.specifications, _work(chosen))
 
 
 def _work(chosen: argparse.Namespace) -> tuple[str, Path, commands.Form]:

@@ -14,7 +14,13 @@ from pathlib import Path
 
 from fault_tolerance.analysis.terminal import progress_bar
 from fault_tolerance.commands import Form, show
-from fault_tolerance.design.design_files import design_report, design_table, write_design
+from fault_tolerance.design.design_files import (
+    comparison,
+    comparison_table,
+    design_report,
+    design_table,
+    write_design,
+)
 from fault_tolerance.design.grids import Axis, Grid, grid_around
 from fault_tolerance.design.map_files import map_report, map_table, write_map
 from fault_tolerance.design.maps import ToleranceMap, tolerance_map
@@ -65,16 +71,28 @@ def route(
     _list(paths, form)
 
 
-def design(specification: Path, work: Work) -> None:
-    """Find the best design that the file ``specification`` allows, doing the ``work`` so."""
+def design(specifications: Sequence[Path], work: Work) -> None:
+    """Find the best design that each of the files ``specifications`` allows.
+
+    Doing the ``work`` so. Several, each in a folder of its own, are compared: what do more drives
+    buy?
+    """
     workers, folder, form = work
-    asked = specification_from_file(specification)
+    asked = [specification_from_file(one) for one in specifications]
+    several = len(asked) > 1
+    reports, paths = [], []
     with progress_bar('designs tried') as watch, executor_of(workers) as executor:
-        found = best_design(asked, executor, watch)
-        between = trade_off(found, executor) if asked.tradeoff else ()
-    report = design_report(found, between)
-    paths = write_design(found, report, folder)
-    show(form, report, (), design_table(report))
+        for one in asked:
+            found = best_design(one, executor, watch)
+            between = trade_off(found, executor) if one.tradeoff else ()
+            reports.append(design_report(found, between))
+            place = folder / one.name if several else folder
+            paths += write_design(found, reports[-1], place)
+    if several:
+        compared = comparison(reports)
+        show(form, compared, (), comparison_table(compared))
+    else:
+        show(form, reports[0], (), design_table(reports[0]))
     _list(paths, form)
 
 

@@ -86,8 +86,7 @@ def design_rows(report: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return the objectives of ``report`` in words, one each."""
     return [
         (
-            f'{one["measure"].replace("_", " ")}'
-            + ('' if one['measure'].startswith('smallest') else f', {one["failures"]} failed'),
+            _name(one),
             *(number(one[key], '.5f' if 'over' not in key else '.4f') for key in (
                 'start', 'worst', 'bound', 'over_bound', 'packing', 'over_packing')),
         )
@@ -106,6 +105,58 @@ def design_table(report: Mapping[str, Any]) -> RenderableType:
     for row in design_rows(report):
         table.add_row(*row)
     return table
+
+
+def comparison(reports: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return ``reports`` of designs for the same purpose beside each other, for JSON.
+
+    One is beaten by another that has no more drives and is nowhere worse, and somewhere better.
+    FaultToleranceError if their objectives or names do not let them be compared.
+    """
+    names = [one['design'] for one in reports]
+    if len(set(names)) < len(names):
+        raise FaultToleranceError(f'two designs have one name: {", ".join(names)}')
+    purposes = [[(one['measure'], one['failures']) for one in report['objectives']]
+                for report in reports]
+    for name, purpose in zip(names, purposes, strict=True):
+        if purpose != purposes[0]:
+            raise FaultToleranceError(f'{name} has other objectives than {names[0]}')
+    found = [
+        {
+            'design': report['design'],
+            'actuators': report['actuators'],
+            'worst': [one['worst'] for one in report['objectives']],
+        }
+        for report in reports
+    ]
+    for one in found:
+        one['beaten_by'] = next((rival['design'] for rival in found if _beats(rival, one)), None)
+    return {
+        'objectives': [{'measure': one, 'failures': count} for one, count in purposes[0]],
+        'designs': found,
+    }
+
+
+def _beats(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    ours = (-one['actuators'], *one['worst'])
+    theirs = (-other['actuators'], *other['worst'])
+    return ours != theirs and all(a >= b for a, b in zip(ours, theirs, strict=True))
+
+
+def comparison_table(compared: Mapping[str, Any]) -> RenderableType:
+    """Return a `comparison` as a table to be printed with rich, the fewest drives first."""
+    heads = [_name(one) for one in compared['objectives']]
+    table = plain_table('design', 'beaten by', numbers=('drives', *heads))
+    for one in sorted(compared['designs'], key=lambda one: int(one['actuators'])):
+        worst = (number(each, '.5f') for each in one['worst'])
+        table.add_row(one['design'], one['beaten_by'] or '', str(one['actuators']), *worst)
+    return table
+
+
+def _name(objective: Mapping[str, Any]) -> str:
+    """Return an ``objective`` in words."""
+    name = str(objective['measure']).replace('_', ' ')
+    return name if name.startswith('smallest') else f'{name}, {objective["failures"]} failed'
 
 
 def _words(report: Mapping[str, Any]) -> str:

@@ -4,15 +4,18 @@
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from io import StringIO
 from math import pi, sin
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from rich.console import Console
 
 from benchmark.optima import POSITION, TORQUE, position_design, torque_design
 from fault_tolerance.cli import main
+from fault_tolerance.design.design_files import comparison, comparison_table
 from fault_tolerance.design.objectives import Objective
 from fault_tolerance.design.optimum import best_design, strut_distances, trade_off
 from fault_tolerance.design.specification import specification_from_file
@@ -95,6 +98,56 @@ def test_a_better_mirror_is_a_file_that_measures_agree_with(tmp_path, capsys):
     assert min(found['position'].values()) == pytest.approx(p['worst'], abs=1e-9)
     assert (output / 'design.png').stat().st_size > 10_000
     assert 'strut_1' in (output / 'design.html').read_text()
+
+
+def test_designs_are_compared_by_their_number_of_drives(tmp_path, capsys):
+    quick = {'population': 4, 'generations': 1, 'polish': 1,
+             'objectives': [{'measure': 'torque'}, {'measure': 'position'}]}
+    for name, count in (('five', 5), ('four', 4)):
+        assert main(['new', 'mirror', '--struts', str(count), '--radius', '0.02', '--length',
+                     '0.03', '-o', str(tmp_path / f'mirror_{name}.yaml')]) == 0
+        strut = yaml.safe_load((tmp_path / f'mirror_{name}.yaml').read_text())['struts'][0]
+        drive = next(one['name'] for one in strut['joints'] if one.get('actuated'))
+        path = f'struts.{strut["name"]}.joints.{drive}.axis[0]'
+        (tmp_path / f'{name}.yaml').write_text(yaml.safe_dump({
+            'design': name, 'mechanism': f'mirror_{name}.yaml',
+            'free': [{'path': path, 'range': [-1e-6, 1e-6]}], **quick}))
+    files, output = [str(tmp_path / f'{name}.yaml') for name in ('five', 'four')], tmp_path / 'out'
+    capsys.readouterr()
+    assert main(['design', *files, '--json', '--output', str(output)]) == 0
+    compared = json.loads(capsys.readouterr().out)
+    assert compared['objectives'] == [
+        {'measure': 'torque', 'failures': 1}, {'measure': 'position', 'failures': 1}]
+    five, four = compared['designs']
+    assert (five['actuators'], four['actuators']) == (5, 4)
+    # More drives buy tolerance of free ones; neither beats the other.
+    assert (five['worst'][0], four['worst'][0]) == pytest.approx((0.4**0.5, 0.5), abs=1e-3)
+    assert (five['beaten_by'], four['beaten_by']) == (None, None)
+    for name in ('five', 'four'):
+        report = json.loads((output / name / 'design.json').read_text())
+        assert report['design'] == name
+
+
+def report_of(name, actuators, *worst, measure='torque'):
+    return {'design': name, 'actuators': actuators, 'objectives': [
+        {'measure': measure, 'failures': 1, 'worst': one} for one in worst]}
+
+
+def test_a_design_is_beaten_by_one_with_no_more_drives_that_is_nowhere_worse():
+    compared = comparison([
+        report_of('a', 4, 0.5, 0.5), report_of('b', 4, 0.5, 0.6), report_of('c', 5, 0.5, 0.6),
+        report_of('d', 5, 0.7, 0.1), report_of('e', 4, 0.5, 0.6)])
+    assert [one['beaten_by'] for one in compared['designs']] == ['b', None, 'b', None, None]
+    console = Console(width=80, file=StringIO())
+    console.print(comparison_table(compared))
+    lines = [line.split() for line in console.file.getvalue().splitlines()]
+    assert ['c', 'b', '5', '0.50000', '0.60000'] in lines
+    assert [words[0] for words in lines if len(words) > 3 and words[1] != 'beaten'] == [
+        'a', 'b', 'e', 'c', 'd']
+    with pytest.raises(FaultToleranceError, match='two designs have one name: a, a'):
+        comparison([report_of('a', 4, 0.5), report_of('a', 5, 0.5)])
+    with pytest.raises(FaultToleranceError, match='b has other objectives than a'):
+        comparison([report_of('a', 4, 0.5), report_of('b', 5, 0.5, measure='position')])
 
 
 def spoilt(folder, places):
