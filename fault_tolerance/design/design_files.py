@@ -144,7 +144,7 @@ def _beats(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
 
 
 def comparison_table(compared: Mapping[str, Any]) -> RenderableType:
-    """Return a `comparison` as a table to be printed with rich, the fewest drives first."""
+    """Return designs ``compared`` (`comparison`) as a table for rich, the fewest drives first."""
     heads = [_name(one) for one in compared['objectives']]
     table = plain_table('design', 'beaten by', numbers=('drives', *heads))
     for one in sorted(compared['designs'], key=lambda one: int(one['actuators'])):
