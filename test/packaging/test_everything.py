@@ -85,7 +85,7 @@ def test_a_failure_of_any_part_counts_and_so_does_what_the_table_names(run_every
     assert 'not passed: core/test_of_core.py::test_that_passes' not in result.stdout
 
 
-@pytest.mark.parametrize('turn', range(3))
+@pytest.mark.parametrize('turn', range(2))
 def test_a_part_that_runs_nothing_fails(run_everything, turn):
     sources = ['', ENDS, SKIPS]
     result = run_everything(**{

@@ -36,7 +36,8 @@ def test_a_controller_that_has_died_is_told_of_by_the_others(start, probe):
     died = time.monotonic()
     dead = 'the controller /fault_tolerance has died or hangs'
     probe.wait(lambda: told(dead, DiagnosticStatus.ERROR), dead)
-    assert time.monotonic() - died < 1.0
+    # The lease and what is between: within a second, where nothing else runs.
+    assert time.monotonic() - died < 3.0
 
     again = start('controller', mechanism='mirror_4_strut')
     probe.wait(lambda: told('', DiagnosticStatus.OK), 'another controller')

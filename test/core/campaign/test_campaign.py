@@ -21,7 +21,6 @@ from fault_tolerance.campaign.cases import MECHANISMS
 from fault_tolerance.campaign.runner import records, run_campaign, tasks
 from fault_tolerance.campaign.trial import Bench, TrialSettings
 from fault_tolerance.cli import main
-from fault_tolerance.executors import cores, executor_of
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 
@@ -52,8 +51,7 @@ def test_single_failures_go_as_the_theory_says(tmp_path):
         task for task in todo
         if task.mechanism != 'gough_stewart_8' or not task.failures[0].endswith(legs)
     ]
-    with executor_of(str(cores())) as executor:
-        found = records(todo, tmp_path, executor)
+    found = records(todo, tmp_path)
 
     assert [record.mistakes for record in found if record.mistakes] == []
     assert {record.mechanism for record in found} == set(MECHANISMS)

@@ -79,7 +79,8 @@ def check(truth, name, moving, side, engine):
 ])
 def test_it_is_named_or_its_group(name, engine, moving, side):
     truths = list(singles(mechanism_named(name)))
-    for truth in truths if len(truths) < 20 else truths[::2]:
+    # Of many parts alike, some; the elastic plant has others than MuJoCo.
+    for truth in truths if len(truths) < 20 else truths[engine == 'mujoco' :: 3]:
         check(truth, name, moving, side, engine)
 
 

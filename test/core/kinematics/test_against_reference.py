@@ -148,7 +148,7 @@ def test_next_failure(name, place):
     configuration = configuration_of(name, place)
     mechanism, values = configuration.mechanism, cases.joint_values(configuration)
     singles = cases.single_failures(mechanism)
-    for present in ([], *([single] for single in singles[:: max(1, len(singles) // 4)])):
+    for present in ([], *([single] for single in singles[:: max(1, len(singles) // 2)])):
         before = reference.model(mechanism, values, present)
         if not before.stable:
             continue
