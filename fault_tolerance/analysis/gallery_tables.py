@@ -58,6 +58,8 @@ def gallery_records(rows: Sequence[Mapping[str, Any]]) -> list[list[Any]]:
 
 
 def _span(values: Collection[float]) -> str:
-    """Return the lowest and the highest of ``values``, once if they look the same."""
+    """Return the lowest and the highest of ``values``, once if they look the same, or a dash."""
+    if not values:
+        return '-'
     low, high = (f'{value:.2f}' for value in (min(values), max(values)))
     return low if low == high else f'{low}-{high}'

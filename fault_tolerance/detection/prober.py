@@ -111,6 +111,11 @@ class Prober:
         elif self._is_due():
             self._start()
 
+    def interrupt(self) -> None:
+        """End a probe between two readings, as nothing moves any more."""
+        if self._probe is not None:
+            self._continue(True, 0.0)
+
     def request(self) -> str:
         """Let a probe begin with the next readings; return why not, empty if it will."""
         refusal = self.refusal()

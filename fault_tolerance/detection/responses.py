@@ -166,7 +166,7 @@ def _yielding(
     attachment = attachment_of(rows.mechanism, failures.lost)
     if rigid or not flexures_yield(rows):
         twists, rates = rows.motions(attachment)
-        return twists, rates, np.zeros((0, twists.shape[1]))
+        return rows.in_space(twists), rates, np.zeros((0, twists.shape[1]))
     twists, rates = motions(rows.constraints, attachment, np.eye(6))
     barred = rows.structure[attachment.attached[rows.structure_strut]]
     return twists, rates, np.sqrt(rows.mechanism.flexure_stiffness) * (barred @ twists)

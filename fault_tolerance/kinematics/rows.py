@@ -86,6 +86,18 @@ class StrutRows:
         allowed = self.structure_of(attachment).allowed
         return motions(self.constraints, attachment, allowed)
 
+    def in_space(self, twists: FloatArray) -> FloatArray:
+        """Return scaled ``twists`` (d, c) as such of all six components, (6, c), in metres.
+
+        Of a mechanism given by its Jacobian those that are no task are zero.
+        """
+        if self.given is None:
+            return twists
+        chosen, whole = self.mechanism.task.rows, np.zeros((6, twists.shape[1]))
+        lengths = chains_of(self.mechanism).scale[chosen] / self.twist_scale
+        whole[chosen] = lengths[:, None] * twists
+        return whole
+
     def with_compliance(self, compliance: float) -> StrutRows:
         """Return the same rows, judged with another ``compliance``."""
         return replace(self, compliance=compliance)

@@ -122,7 +122,10 @@ class InputSubscriber:
             text = f'task velocity in frame {clean(frame)!r}, not {self._base_frame!r}: ignored'
             self._health.warn(Notice('wrong_frame', text))
             return
-        if twist[self._outside].any():
+        if not np.isfinite(twist).all():
+            # A number beside the task that is none spoils the message as well.
+            twist[self._rows] = np.nan
+        elif twist[self._outside].any():
             text = 'task velocity has components outside the task: they are ignored'
             self._health.warn_once('outside_task', text)
         now, stamp = self._timeline.now(), self._timeline.monotonic(message.header.stamp)

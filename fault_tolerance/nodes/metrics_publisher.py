@@ -107,7 +107,8 @@ def _mechanism_values(metrics: Metrics) -> Mapping[str, str]:
         'time_since_report': _decimal_or_nothing(metrics.time_since_report),
         'internal_force': _decimal_or_nothing(metrics.internal_force),
         'groups': ', '.join(f'{one.name} next: {one.outlook}' for one in metrics.groups),
-        'worst_next': f'{metrics.worst_next} {decimal(metrics.worst_next_measure)}'.strip(),
+        'worst_next': metrics.worst_next and (
+            f'{metrics.worst_next} {decimal(metrics.worst_next_measure)}'),
     }
 
 

@@ -85,12 +85,7 @@ class Parameter:
         return descriptor
 
     def understood(self, value: object) -> object:
-        """Return ``value`` as it was meant.
-
-        YAML reads the words on and off as true and false, and numbers without a point as integers.
-        """
-        if isinstance(self.default, float) and type(value) is int:
-            return float(value)
+        """Return ``value`` as it was meant: YAML reads the words on and off as true and false."""
         word = {False: 'off', True: 'on'}.get(value, '') if isinstance(value, bool) else ''
         return word if word in self.choices else value
 
@@ -102,7 +97,9 @@ class Parameter:
         if isinstance(self.default, tuple):
             return self._checked_numbers(value)
         if type(value) is not type(self.default):
-            self._refuse(f'{value!r} is not of type {type(self.default).__name__}')
+            hint = f' (write {value}.0)' if isinstance(self.default, float) and (
+                type(value) is int) else ''
+            self._refuse(f'{value!r} is not of type {type(self.default).__name__}{hint}')
         if self.choices and value not in self.choices:
             self._refuse(f'{value!r} is not one of {", ".join(self.choices)}')
         if isinstance(value, (int, float)):

@@ -116,6 +116,12 @@ class SilentFailures:
         """
         now = self._clock.now()
         self.monitor.detector.command(now.nanoseconds, rates)
+        if self.monitor.prober.straining and not rates.any():
+            # A hold, perhaps for want of readings: there may be none to end it by.
+            self.monitor.prober.interrupt()
+            self.monitor.rates = None
+            self._supervisor.move_beside(None)
+            self._service.answer(True, self.monitor.prober.finding)
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
@@ -197,7 +203,12 @@ class SilentFailures:
             self._pose = None
 
     def _probe(self) -> Answer | None:
-        refusal = '' if self.monitor.prober.probing else self.monitor.prober.request()
+        prober, state = self.monitor.prober, self._supervisor.output.state
+        if prober.probing:
+            return None
+        if state not in MOVING:
+            return False, f'the controller does not move the mechanism: {state.value}'
+        refusal = prober.request()
         return (False, refusal) if refusal else None
 
     def _publish(self) -> None:

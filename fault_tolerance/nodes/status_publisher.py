@@ -75,10 +75,12 @@ class StatusPublisher:
     def present(self) -> tuple[int, str]:
         """Return level and text of the controller's own status."""
         output = self._supervisor.output
-        reason = output.reason
-        if output.state is State.WAITING:
-            reason = f'{self._missing()}{reason.removeprefix(WAITING)}'
-        return output.level, f'{output.state.value}: {reason}'
+        return output.level, self._completed(f'{output.state.value}: {output.reason}')
+
+    def _completed(self, text: str) -> str:
+        """Return the ``text`` of a status, of a waiting controller with what it lacks."""
+        waits = self._supervisor.output.state is State.WAITING
+        return text.replace(WAITING, self._missing(), 1) if waits else text
 
     def update(self, output: Output, now: float) -> None:
         """Defer what the ``output`` of a cycle ``now`` (monotonic seconds) has to be followed by.
@@ -136,7 +138,7 @@ class StatusPublisher:
             metrics = self._supervisor.metrics()
             self._metrics.publish(
                 self._node.get_clock().now().to_msg(), metrics,
-                self._health.with_notices(metrics.level, metrics.message),
+                self._health.with_notices(metrics.level, self._completed(metrics.message)),
                 {
                     'residual': residual, 'report_stamp': self.report_stamp,
                     'conversion': str(self._supervisor.converter), **further,

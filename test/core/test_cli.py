@@ -575,6 +575,9 @@ def test_numbers_cannot_be_drawn(capsys, tmp_path):
     path = file_of(tmp_path, by_numbers())
     line = refused(capsys, 'check', path, '--draw', tmp_path / 'none.png')
     assert 'given by its Jacobian: there is nothing to draw' in line
+    # Nor has it struts to be lost, beside others that have.
+    assert main(['gallery', str(path)]) == 0
+    assert capsys.readouterr().out.split()[-1] == '-'
 
 
 # As a program

@@ -239,7 +239,7 @@ def test_a_task_velocity_that_ceases_leads_to_rest(asking, probe):
 @pytest.mark.parametrize(
     ('reason', 'spoil'),
     [
-        ('not_finite', lambda message: setattr(message.twist.angular, 'x', nan)),
+        ('not_finite', lambda message: setattr(message.twist.linear, 'x', nan)),
         ('wrong_frame', lambda message: setattr(message.header, 'frame_id', 'camera')),
         ('stale_task_velocity', lambda message: setattr(message.header.stamp, 'sec', 1)),
     ],

@@ -138,7 +138,7 @@ def test_lines_go_to_a_pipe_and_a_picture_to_a_terminal(robot, start):
     assert (done.returncode, done.stderr) == (0, '')
     last = done.stdout.splitlines()[-1]
     assert last.split(' s  ', 1)[1].startswith(
-        'fsm_4_strut in /robot: waiting: no joint state yet')
+        'fsm_4_strut in /robot: waiting: no joint state yet on /robot/joint_states (0 ')
     assert '\x1b' not in done.stdout
 
     picture = b''

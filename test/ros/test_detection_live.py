@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 
 import numpy as np
@@ -24,7 +26,7 @@ class Machine:
     """Simulator, controller and pointing, and what they say of what nobody reports."""
 
     def __init__(self, start, probe, detect, mechanism='mirror_4_strut', **parameters):
-        start('fsm_simulator', mechanism=mechanism)
+        self.simulator = start('fsm_simulator', mechanism=mechanism)
         self.controller = start('controller', mechanism=mechanism, detect=detect, **parameters)
         start('pointing_reference', mechanism=mechanism)
         self.probe = probe
@@ -99,6 +101,7 @@ def test_a_silent_stuck_drive_is_named_and_handled(start, probe):
 
 def test_latent_failures_are_found_by_a_probe_or_their_group(start, probe):
     machine = Machine(start, probe, 'act')
+    check_end_with_readings(machine)
     machine.probe_until(
         'no latent failure; would look alike: hard:strut_1, hard:strut_2, hard:strut_3, '
         'hard:strut_4'
@@ -118,6 +121,21 @@ def test_latent_failures_are_found_by_a_probe_or_their_group(start, probe):
     assert values['worst_next'].endswith(' 0')
     probe.wait(lambda: probe.mechanism['worst_next_suspected'].endswith(' 0'), 'the metrics')
     assert not probe.mechanism['worst_next'].endswith(' 0')
+
+
+def check_end_with_readings(machine):
+    """Where joint states cease a probe ends, and is answered; none begins until they are back."""
+    client = machine.probe.node.create_client(Trigger, 'fault_tolerance/probe')
+    machine.probe.wait(client.service_is_ready, 'the service')
+    answer = client.call_async(Trigger.Request())
+    machine.probe.spin(0.2)
+    os.killpg(machine.simulator.process.pid, signal.SIGSTOP)
+    machine.probe.wait(answer.done, 'the answer')
+    machine.probe.wait_for_state('hold')
+    assert 'ended early' in answer.result().message
+    assert machine.probed().message == 'the controller does not move the mechanism: hold'
+    os.killpg(machine.simulator.process.pid, signal.SIGCONT)
+    machine.probe.wait_for_state('nominal')
 
 
 def test_a_probe_is_refused_with_the_reason(start, probe):

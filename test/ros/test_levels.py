@@ -75,6 +75,7 @@ def test_one_level_and_one_text_everywhere(probe, panel, controller, plant):
     probe.wait(lambda: plant.step() and len({*panel.told}) == 1, 'one text')
     level, text = panel.told[0]
     assert (level, text[: len(reason)]) == (ERROR, reason)
+    assert probe.mechanism['worst_next'] == ''
     assert text.endswith('cannot be given independently (position measure 0)')
     counts = values_of(panel.health)
     assert (counts['failures'], counts['stops']) == ('2', '1') and int(counts['holds']) >= 2

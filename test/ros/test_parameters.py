@@ -74,7 +74,7 @@ PAIR = Parameter('load', (0.0, 0.0), 'how much', 'N', (-1.0, 1.0))
 @pytest.mark.parametrize(
     ('entry', 'value', 'reason'),
     [
-        (FLOAT, 1, 'parameter speed: 1 is not of type float'),
+        (FLOAT, 1, r'parameter speed: 1 is not of type float \(write 1.0\)'),
         (FLOAT, True, 'True is not of type float'),
         (FLOAT, float('nan'), 'nan is not finite'),
         (FLOAT, float('inf'), 'inf is not finite'),

@@ -22,6 +22,7 @@ MODULES = {
 }
 BAD = [
     ('controller', {'joint_state_timeout': 'soon'}, 'joint_state_timeout'),
+    ('controller', {'joint_state_timeout': 1}, 'joint_state_timeout: 1 is not of type float'),
     ('controller', {'joint_state_timeout': -1.0}, 'joint_state_timeout'),
     ('controller', {'tolerance_threshold': '.nan'}, 'tolerance_threshold'),
     ('controller', {'unknown_mode': 'panic'}, 'unknown_mode'),

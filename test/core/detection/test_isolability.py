@@ -4,12 +4,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
 from fault_tolerance.detection.isolability import isolability, isolability_report
+from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.kinematics.reconfiguration import after
+from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.files import mechanism_from_document
 
 
 def test_the_report_has_what_the_contract_names():
@@ -23,3 +27,24 @@ def test_the_report_has_what_the_contract_names():
     assert found.class_of(HEALTHY)[1:] == found.undetectable
     with pytest.raises(ValueError, match='not among'):
         found.class_of(Hypothesis(Symptom.STUCK, 'nobody'))
+
+
+@pytest.mark.parametrize('sensors', [Sensors(), Sensors(pose=True)])
+def test_a_mechanism_given_by_its_jacobian_is_told_apart_as_the_one_of_struts(sensors):
+    struts = mechanism_named('fsm_4_strut')
+    nominal = after(struts)
+    given = mechanism_from_document({
+        'mechanism': 'given', 'task': {'coordinates': ['wx', 'wy', 'vz']},
+        'actuators': list(struts.actuator_names),
+        'characteristic_length': struts.characteristic_length,
+        'jacobian': nominal.present.jacobian.tolist(),
+        'mapping': nominal.present.mapping.tolist(),
+    })
+    wanted, found = (
+        isolability(rows, sensors=sensors, probe=True)
+        for rows in (nominal.rows, home_rows(given))
+    )
+    # The same but for lost struts, which are the last.
+    count = len(found.suspects)
+    assert wanted.suspects[:count] == found.suspects
+    np.testing.assert_allclose(found.separation, wanted.separation[:count, :count], atol=1e-9)
