@@ -15,6 +15,7 @@ from fault_tolerance.detection.isolability import Isolability, isolability
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
 from fault_tolerance.detection.self_stress import SelfStress
+from fault_tolerance.detection.sighting import LONGEST_GAP
 from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
@@ -107,7 +108,9 @@ class Prober:
     def go_on(self, changed: bool) -> None:
         """Go on with a probe, end it if the state has ``changed``, or begin one that is due."""
         if self._probe is not None:
-            self._continue(changed or not self._moving, self._gap)
+            # Nobody knows how far the drives went meanwhile: they may have been told to rest.
+            lost = not 0.0 <= self._gap <= 1e-9 * LONGEST_GAP
+            self._continue(changed or lost or not self._moving, self._gap)
         elif self._is_due():
             self._start()
 
@@ -208,10 +211,10 @@ class Prober:
         """Go on with the probe, ``gap`` seconds after the last readings, or end it."""
         assert self._probe is not None
         if disturbed or self._probe.over:
-            self._probed = self._stamp
-            self._detector.end_probe(self._stamp, None if disturbed else self._probe.directions)
+            directions = None if disturbed else self._probe.directions
+            self._probe, self.rates, self._probed = None, None, self._stamp
+            self._detector.end_probe(self._stamp, directions)
             self.finding = self._outcome(disturbed)
-            self._probe, self.rates = None, None
             return
         scale = self._mechanism.rate_scale
         last = np.zeros(len(scale)) if self.rates is None else scale * self.rates
