@@ -138,10 +138,13 @@ class Prober:
             return 'no redundancy is left (r = 0): every motion of the drives moves the platform'
         if not (stress.stiffness_known or self.settings.probe_amplitude):
             return 'the stiffness of the drives is not in the mechanism file, nor probe_amplitude'
-        if self._amplitude(stress) < LEAST_BREAKAWAYS * self.settings.breakaway:
+        amplitude = self._amplitude(stress)
+        if not amplitude:
+            return 'probe_force is 0: no drive would be pushed'
+        if amplitude < LEAST_BREAKAWAYS * self.settings.breakaway:
             return 'the drives stick farther than a probe may go: see probe_force and breakaway'
         low, high = mechanism.position_limits.T
-        room = CLEARANCE * self._amplitude(stress) / mechanism.rate_scale
+        room = CLEARANCE * amplitude / mechanism.rate_scale
         near = (self._values - low < room) | (high - self._values < room)
         if near.any():
             names = [mechanism.actuator_names[i] for i in np.flatnonzero(near)]

@@ -255,6 +255,9 @@ def test_every_refusal_has_its_reason():
     assert refusal(loop) == 'the encoders have not been heard for long enough yet'
     assert refusal(warm('mirror_3_strut')).startswith('no redundancy is left (r = 0)')
     assert 'breakaway' in refusal(with_settings(warm(), breakaway=1e-6))
+    loop = warm()
+    loop.monitor.settings = replace(loop.monitor.settings, probe_force=0.0)
+    assert refusal(loop) == 'probe_force is 0: no drive would be pushed'
 
 
 def test_without_a_known_stiffness_an_amplitude_is_needed():
