@@ -25,6 +25,9 @@ from fault_tolerance.mechanism.description import Mechanism
 RETEST = 5_000_000_000
 """Nanoseconds after a release in which a probe looks for what was there before."""
 
+AT_REST = 'the controller does not move the mechanism'
+"""Why nothing can be probed."""
+
 LEAST_BREAKAWAYS = 5.0
 """Amplitude of a probe over how far drives stick: what sticks shows as a drive that is stuck."""
 
@@ -128,7 +131,7 @@ class Prober:
         if self._probe is not None:
             return 'a probe is under way'
         if not self._moving:
-            return 'the controller does not move the mechanism'
+            return AT_REST
         if detector.is_blind:
             return f'already found: {detector.suspicions[-1]}'
         if not detector.ready:

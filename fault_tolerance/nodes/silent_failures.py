@@ -28,6 +28,7 @@ from fault_tolerance.control.state_machine import MOVING
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.detection.monitor_settings import MonitorSettings
+from fault_tolerance.detection.prober import AT_REST
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
@@ -197,7 +198,12 @@ class SilentFailures:
             self._pose = None
 
     def _probe(self) -> Answer | None:
-        refusal = '' if self.monitor.prober.probing else self.monitor.prober.request()
+        prober = self.monitor.prober
+        if prober.probing:
+            return None
+        # Without readings nobody tells the prober, and it would wait for them.
+        moving = self._supervisor.output.state in MOVING
+        refusal = prober.request() if moving else AT_REST
         return (False, refusal) if refusal else None
 
     def _publish(self) -> None:
