@@ -95,9 +95,10 @@ class Controller(Node):
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
-        self._supervisor.secondary.consider(output, now)
         answered = output.estimate.readings if answers else None
         self._silent.command(output.command.rates, answered)
+        if self._supervisor.kernel.compiled:  # else it takes 80 ms, and the next command waits
+            self._supervisor.secondary.consider(output, now)
         for notice in self._supervisor.watch(self._silent.monitor.internal_force):
             self._health.warn(notice)
         self._status.update(output, now)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -98,3 +99,14 @@ def test_the_way_is_short_and_always_the_same(controller):
     assert healthy == first == later == documented()
     assert healthy[-1] == END
     assert len(healthy[:-1]) <= MOST
+
+
+def test_better_places_are_looked_for_by_machine_code_only(controller, monkeypatch):
+    supervisor, looks = controller._supervisor, []
+    monkeypatch.setattr(supervisor.secondary, 'consider', lambda *given: looks.append(given))
+    controller._inputs.on_joint_state(joint_state(controller))
+    assert not looks
+    supervisor.kernel = replace(supervisor.kernel, compiled=True)
+    controller._inputs.on_joint_state(joint_state(controller))
+    ((output, _),) = looks
+    assert output is supervisor.output
