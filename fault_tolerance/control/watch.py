@@ -45,7 +45,8 @@ class Tracking:
     def __init__(self, mechanism: Mechanism) -> None:
         self.error = self.deaf = self._path = 0.0
         self._stood: FloatArray | None = None
-        self._scale, self._shown = mechanism.rate_scale, DEAF_PATH * mechanism.characteristic_length
+        self._scale = mechanism.rate_scale
+        self._shown = DEAF_PATH * mechanism.characteristic_length
         self._rates = self._travel = 0.0 * self._scale
         self._start: tuple[float, FloatArray] | None = None
         self._now = -inf
