@@ -137,7 +137,6 @@ class Controller(Node):
             self._health.count('stalls')
         self._startup.exchange(self._supervisor, self.get_logger())
         self._reports.read()
-        self._operator.look()
         # After a late tick, read pending messages before declaring inputs stale.
         self._excused = late > LATE and not self._excused
         if not (self._stepped or self._excused):
@@ -147,6 +146,8 @@ class Controller(Node):
                 self._silent.command(output.rates)
             self._status.update(output, now)
         self._stepped = False
+        # Last: whatever goes wrong in an answer, drives whose inputs cease have been stopped.
+        self._operator.look()
 
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""
