@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from hashlib import sha256
@@ -49,7 +50,8 @@ def results_of(
     missing = [place for place in range(len(runs)) if place not in found]
     for number, result in finished(function, [runs[place] for place in missing], executor):
         found[missing[number]] = result
-        beside = files[missing[number]].with_suffix('.new')
+        # Another campaign may do the same runs.
+        beside = files[missing[number]].with_suffix(f'.{os.getpid()}')
         beside.write_text(json.dumps(result), encoding='utf-8')
         # All of it or nothing, whenever this is interrupted.
         beside.replace(files[missing[number]])

@@ -34,7 +34,8 @@ SHORTEST, LONGER = 0.3, 3.0
 """Seconds for which it must have stood, and times as long as it moved."""
 
 END = 0.02
-"""Share of the stroke beside its ends where a limp drive stands without a brake."""
+"""Share of the stroke beside its ends where a limp drive stands without a brake; of the
+characteristic length where the stroke has one end only."""
 
 REVOKED = 1e-4
 """Characteristic lengths after which a drive that moves is not held; or its travel, if longer."""
@@ -123,8 +124,9 @@ class BrakeEvidence:
 
     def _at_an_end(self, value: float) -> bool:
         low, high = self._drive.position
-        margin = END * (high - low)
-        return bool(np.isfinite(margin) and not low + margin < value < high - margin)
+        stroke = high - low
+        margin = END * (stroke if np.isfinite(stroke) else self._unit)
+        return not low + margin < value < high - margin
 
 
 def _noise(values: FloatArray) -> float:

@@ -54,7 +54,7 @@ class Converter:
         self.releases = tuple(one.name for one in mechanism.struts if one.release)
         self.engaged: tuple[str, ...] = ()
         self.advice: Conversion | None = None
-        self._judged = FailureSet()
+        self._judged = FailureSet(), True, acting
         self._goal: FailureSet | None = None
         self._asked = inf
         self._since: dict[str, float] = {}
@@ -66,6 +66,7 @@ class Converter:
     def consider(self, output: Output, now: float) -> bool:
         """Look at the failures of an ``output`` (``now``, s), unless they have been looked at.
 
+        They are looked at again where they must not stand any more, or brakes may be commanded.
         Takes milliseconds: to be called after the command. Returns whether what is commanded has
         changed.
 
@@ -79,9 +80,11 @@ class Converter:
         bool
         """
         failures, estimate, before = output.failures, output.estimate, self.engaged
-        if failures is self._judged or not (self.brakes or self.releases) or not estimate.located:
+        judged = failures, estimate.tolerated, self.acting
+        known = failures is self._judged[0] and judged == self._judged
+        if known or not (self.brakes or self.releases) or not estimate.located:
             return False
-        self._judged, self.advice = failures, None
+        self._judged, self.advice = judged, None
         self.engaged = tuple(name for name in before if self._concerns(name, failures))
         self._since = {name: self._since[name] for name in self.engaged}
         if failures != self._goal:

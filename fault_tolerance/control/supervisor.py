@@ -89,10 +89,10 @@ class Supervisor:
         self.converter = Converter(mechanism, given.convert == 'act')
         self.secondary = SecondaryMotion(mechanism, given.secondary == 'tolerance')
         self._shape = (len(mechanism.actuators),)
-        self._beside: tuple[FloatArray, FailureSet] | None = None
+        self._beside: tuple[FloatArray, FailureSet, int] | None = None
         self._pauses: set[str] = set()
         self._outdated = self._unread = False
-        self._errors = 0
+        self._errors = self._taken = 0
         self._now = -inf
         self._reported_at: float | None = None
         self._reconfiguration_time = 0.0
@@ -146,6 +146,7 @@ class Supervisor:
         notice = notice or self._readings.offer(taken, now, stamp)
         if notice is None:
             self._outdated = self._unread = True
+            self._taken += 1
         return notice
 
     def task_velocity(
@@ -195,15 +196,15 @@ class Supervisor:
         return clear_outcome(cleared, seen, was_stopped and not self._machine.stop, state)
 
     def move_beside(self, rates: FloatArray | None) -> None:
-        """Add rates to every command from the next step on, while the failures stay the same.
+        """Add ``rates`` (N,) to the commands up to the one that answers the next joint reading.
 
-        Parameters
-        ----------
-        rates : (N,) array or None
-            Finite, in the mechanism's units and order; None: nothing. The limits do not know of
-            them.
+        They are in the mechanism's units and order; None, or any that is not finite: nothing. The
+        limits do not know of them. They end when the failures change, and unless they are asked
+        for again with every reading: what asks for them may have broken down.
         """
-        self._beside = None if rates is None else (rates, self._ledger.failures)
+        self._beside = None
+        if rates is not None and np.isfinite(rates).all():
+            self._beside = rates, self.failures, self._taken + 1
 
     def pause(self, paused: bool, now: float, why: str = 'paused') -> None:
         """Hold from ``now`` on while ``paused``; each reason ``why`` counts for itself."""
@@ -265,7 +266,7 @@ class Supervisor:
         moving = decision.state in (*MOVING, State.STOPPED)
         if command is None or not moving:
             command, moving = resting(command or before, failures, now), False
-        elif self._beside is not None and self._beside[1] is failures:
+        elif self._beside and self._beside[1] is failures and self._taken <= self._beside[2]:
             command = command.with_rates_beside(self._beside[0])
         self._command, readings.moving = command, moving
         if self._reported_at is not None and self.settings.clock is not None:

@@ -27,9 +27,11 @@ Commands act some milliseconds late, and readings are noisy: both matter less ov
 LONGEST_GAP = 1.0
 """Seconds without anything to watch after which the comparison begins anew."""
 
-
 DEAF_TIME, DEAF_SHARE = 0.5, 0.02
 """Seconds of motion commanded, and the share of it that no drive has made: none follows."""
+
+DEAF_PATH = 1e-4
+"""Characteristic lengths of motion commanded that encoders may be too coarse to show."""
 
 
 class Tracking:
@@ -44,6 +46,7 @@ class Tracking:
         self.error = self.deaf = self._path = 0.0
         self._stood: FloatArray | None = None
         self._scale = mechanism.rate_scale
+        self._shown = DEAF_PATH * mechanism.characteristic_length
         self._rates = self._travel = 0.0 * self._scale
         self._start: tuple[float, FloatArray] | None = None
         self._now = -inf
@@ -57,7 +60,8 @@ class Tracking:
         if 0.0 <= elapsed <= LONGEST_GAP:
             self._travel = self._travel + elapsed * self._rates
             self._path += elapsed * float(np.linalg.norm(self._scale * self._rates))
-            self.deaf = self.deaf + elapsed if rates.any() else 0.0
+            owed = rates.any() and self._path > self._shown
+            self.deaf = self.deaf + elapsed if owed else 0.0
         else:
             self._start = None
         self._now, self._rates = now, rates

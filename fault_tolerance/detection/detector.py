@@ -31,8 +31,9 @@ from fault_tolerance.mechanism.description import Mechanism
 PATIENCE = 1_000_000_000
 """Nanoseconds that a suspicion may take to narrow down."""
 
-LATEST = 50_000_000
-"""Nanoseconds by which a command may be slower than the fastest: then nobody knows its effect."""
+LATEST, RELEARNT = 50_000_000, 100
+"""Nanoseconds by which a command may be slower than the fastest: then nobody knows its effect; and
+late ones after which most of what was taken for the fastest is forgotten."""
 
 RESTED = 3_000_000_000
 """Nanoseconds after which a drive that is not seen to move by itself any more is at rest."""
@@ -84,15 +85,12 @@ class Detector:
         self._scale = mechanism.rate_scale
         self._setpoints = Setpoints(len(self._scale), round(1e9 * delay))
         self._channels = Channels(mechanism)
-        count = self._channels.count
-        self._noise = SensorNoise(count, SMALLEST * mechanism.characteristic_length)
-        self._explained = np.zeros(count)
+        self._explained = np.zeros(self._channels.count)
+        self._noise = SensorNoise(len(self._explained), SMALLEST * mechanism.characteristic_length)
         self._stamp: int | None = None
-        self._sent, self._least_age = 0, LONGEST_GAP
+        self._sent, self._since_refresh, self._least_age = 0, 0, LONGEST_GAP
         self._modelled: tuple[FailureSet, tuple[Suspicion, ...]] = FailureSet(), ()
-        self.known = FailureSet()
-        self._place = np.eye(4)
-        self._since_refresh = 0
+        self.known, self._place = FailureSet(), np.eye(4)
         self._crossed: int | None = None
         self._record: ProbeRecord | None = None
         self._bank: FilterBank | None = None
@@ -178,9 +176,11 @@ class Detector:
         self.renewed = ()
         readings = self._channels.readings(sighting)
         age = self._sent - stamp if self._sent else self._least_age
-        self._least_age = min(self._least_age, age)
+        late = age - self._least_age > LATEST
+        # A stamp ahead of its time makes all that follow late: that must not last.
+        self._least_age = min(self._least_age + late * (age - self._least_age) // RELEARNT, age)
         last = stamp if self._stamp is None else self._stamp
-        if not 0 <= stamp - last <= LONGEST_GAP or age - self._least_age > LATEST:
+        if late or not 0 <= stamp - last <= LONGEST_GAP:
             self._restart(readings)
             for renewal in self._renewals.values():
                 renewal.start(readings, self._noise.deviation)

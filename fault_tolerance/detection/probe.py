@@ -51,6 +51,9 @@ def probe_amplitude(stiffness: float, force: float, stroke: float) -> float:
 MOST_FROM_PROBE = 100.0
 """Evidence that one probe can make: beyond, its noise is not known well enough."""
 
+OVERTAKING = 2.0
+"""How much faster than its tones a probe goes, to make good what late readings have left."""
+
 POLYNOMIAL = 5
 """Degree of the polynomial that stands for the task during a probe."""
 
@@ -81,6 +84,8 @@ class Probe:
         self._amplitude = amplitude / max(np.abs(directions).sum(axis=1).max(initial=0.0), 1.0)
         self._period, self._done = period, 0
         self._tones = [SLOWEST + SPACING * place for place in range(count)]
+        fastest = 2.0 * pi * max(self._tones, default=0) / (SAMPLES * period)
+        self._fastest = OVERTAKING * amplitude * fastest
         self._moved = np.zeros(len(directions))
 
     @property
@@ -105,7 +110,9 @@ class Probe:
         phase = 2.0 * pi * min(self._done, SAMPLES) / SAMPLES
         tones = np.array([sin(tone * phase) for tone in self._tones])
         wanted = self.directions @ (self._amplitude * tones)
-        return np.asarray((wanted - self._moved) / self._period)
+        rates = (wanted - self._moved) / self._period
+        over = float(np.abs(rates).max(initial=0.0)) / self._fastest
+        return np.asarray(rates / max(over, 1.0))
 
 
 class ProbeRecord:

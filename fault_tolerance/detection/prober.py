@@ -15,6 +15,7 @@ from fault_tolerance.detection.isolability import Isolability, isolability
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.probe import CLEARANCE, SAMPLES, Probe, probe_amplitude
 from fault_tolerance.detection.self_stress import SelfStress
+from fault_tolerance.detection.sighting import LONGEST_GAP
 from fault_tolerance.kernel import evidence
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.rows import StrutRows
@@ -23,6 +24,9 @@ from fault_tolerance.mechanism.description import Mechanism
 
 RETEST = 5_000_000_000
 """Nanoseconds after a release in which a probe looks for what was there before."""
+
+AT_REST = 'the controller does not move the mechanism'
+"""Why nothing can be probed."""
 
 LEAST_BREAKAWAYS = 5.0
 """Amplitude of a probe over how far drives stick: what sticks shows as a drive that is stuck."""
@@ -107,7 +111,9 @@ class Prober:
     def go_on(self, changed: bool) -> None:
         """Go on with a probe, end it if the state has ``changed``, or begin one that is due."""
         if self._probe is not None:
-            self._continue(changed or not self._moving, self._gap)
+            # Nobody knows how far the drives went meanwhile: they may have been told to rest.
+            lost = not 0.0 <= self._gap <= 1e-9 * LONGEST_GAP
+            self._continue(changed or lost or not self._moving, self._gap)
         elif self._is_due():
             self._start()
 
@@ -130,7 +136,7 @@ class Prober:
         if self._probe is not None:
             return 'a probe is under way'
         if not self._moving:
-            return 'the controller does not move the mechanism'
+            return AT_REST
         if detector.is_blind:
             return f'already found: {detector.suspicions[-1]}'
         if not detector.ready:
@@ -140,10 +146,13 @@ class Prober:
             return 'no redundancy is left (r = 0): every motion of the drives moves the platform'
         if not (stress.stiffness_known or self.settings.probe_amplitude):
             return 'the stiffness of the drives is not in the mechanism file, nor probe_amplitude'
-        if self._amplitude(stress) < LEAST_BREAKAWAYS * self.settings.breakaway:
+        amplitude = self._amplitude(stress)
+        if not amplitude:
+            return 'probe_force is 0: no drive would be pushed'
+        if amplitude < LEAST_BREAKAWAYS * self.settings.breakaway:
             return 'the drives stick farther than a probe may go: see probe_force and breakaway'
         low, high = mechanism.position_limits.T
-        room = CLEARANCE * self._amplitude(stress) / mechanism.rate_scale
+        room = CLEARANCE * amplitude / mechanism.rate_scale
         near = (self._values - low < room) | (high - self._values < room)
         if near.any():
             names = [mechanism.actuator_names[i] for i in np.flatnonzero(near)]
@@ -213,10 +222,10 @@ class Prober:
         """Go on with the probe, ``gap`` seconds after the last readings, or end it."""
         assert self._probe is not None
         if disturbed or self._probe.over:
-            self._probed = self._stamp
-            self._detector.end_probe(self._stamp, None if disturbed else self._probe.directions)
+            directions = None if disturbed else self._probe.directions
+            self._probe, self.rates, self._probed = None, None, self._stamp
+            self._detector.end_probe(self._stamp, directions)
             self.finding = self._outcome(disturbed)
-            self._probe, self.rates = None, None
             return
         scale = self._mechanism.rate_scale
         last = np.zeros(len(scale)) if self.rates is None else scale * self.rates

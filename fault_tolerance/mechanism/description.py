@@ -269,7 +269,7 @@ _RESERVED = ('all', 'silent', *mode_words(), *MISBEHAVIOURS)
 
 def _require_usable(source: str, name: str) -> None:
     """Refuse names that reports, the command line or fault commands would misread."""
-    if any(mark in name for mark in _SEPARATORS) or len(name.split()) > 1:
+    if any(mark in _SEPARATORS or mark.isspace() for mark in name):
         reason = f'the name {name!r} must not contain a blank or any of {_SEPARATORS}'
         raise MechanismError(source, 'name', reason)
     if name.lower() in _RESERVED:

@@ -95,9 +95,10 @@ class Controller(Node):
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
-        self._supervisor.secondary.consider(output, now)
         answered = output.estimate.readings if answers else None
         self._silent.command(output.command.rates, answered)
+        if self._supervisor.kernel.compiled:  # else it takes 80 ms, and the next command waits
+            self._supervisor.secondary.consider(output, now)
         for notice in self._supervisor.watch(self._silent.monitor.internal_force):
             self._health.warn(notice)
         self._status.update(output, now)
@@ -136,7 +137,6 @@ class Controller(Node):
             self._health.count('stalls')
         self._startup.exchange(self._supervisor, self.get_logger())
         self._reports.read()
-        self._operator.look()
         # After a late tick, read pending messages before declaring inputs stale.
         self._excused = late > LATE and not self._excused
         if not (self._stepped or self._excused):
@@ -146,6 +146,8 @@ class Controller(Node):
                 self._silent.command(output.rates)
             self._status.update(output, now)
         self._stepped = False
+        # Last: whatever goes wrong in an answer, drives whose inputs cease have been stopped.
+        self._operator.look()
 
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""

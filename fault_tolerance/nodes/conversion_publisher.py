@@ -84,6 +84,7 @@ class ConversionPublisher:
                     {FAILURE_MODE_KEY: shown.mode})]))
 
     def _repeat(self) -> None:
+        self.update()
         self._health.warn(self._converter.overdue(monotonic()))
         self._publish()
 

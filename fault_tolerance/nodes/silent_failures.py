@@ -28,6 +28,7 @@ from fault_tolerance.control.state_machine import MOVING
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.detection.monitor_settings import MonitorSettings
+from fault_tolerance.detection.prober import AT_REST
 from fault_tolerance.detection.sighting import Sighting
 from fault_tolerance.detection.suspicion import DETECTION, Suspicion
 from fault_tolerance.kinematics.failures import FailureSet
@@ -207,7 +208,7 @@ class SilentFailures:
         if prober.probing:
             return None
         if state not in MOVING:
-            return False, f'the controller does not move the mechanism: {state.value}'
+            return False, f'{AT_REST}: {state.value}'
         refusal = prober.request()
         return (False, refusal) if refusal else None
 

@@ -9,12 +9,14 @@ import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from threading import Barrier, get_ident
 
 import pytest
 from core import executor_work as work
 
 from fault_tolerance.analysis.campaign import campaign_rows
 from fault_tolerance.campaign.runner import records, tasks
+from fault_tolerance.campaign.stored_results import results_of
 from fault_tolerance.campaign.trial import TrialSettings
 from fault_tolerance.errors import FaultToleranceError
 from fault_tolerance.executors import executor_of, finished, mapped
@@ -40,6 +42,23 @@ def test_what_a_killed_process_leaves_undone_is_done_by_another(tmp_path):
         assert (tmp_path / 'tried').exists()
         with pytest.raises(FaultToleranceError, match='processes die of this work, and nothing'):
             mapped(work.killed, [1], executor)
+
+
+def test_two_campaigns_may_keep_their_results_in_one_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, 'getpid', get_ident)  # threads for processes
+    together = Barrier(2)
+
+    def result(number):
+        together.wait(5.0)
+        return {'number': number}
+
+    def run():
+        return results_of(range(150), result, tmp_path)
+
+    with ThreadPoolExecutor(2) as both:
+        wanted = [{'number': number} for number in range(150)]
+        assert [one.result() for one in (both.submit(run), both.submit(run))] == [wanted, wanted]
+    assert {one.suffix for one in tmp_path.iterdir()} == {'.json'}
 
 
 def test_an_error_of_the_work_is_an_error_of_the_whole():

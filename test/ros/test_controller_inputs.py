@@ -14,6 +14,7 @@ from geometry_msgs.msg import TwistStamped
 from node_rig import Plant, Probe, values_of
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 NOMINAL = [0.0070711, -0.0141421, -0.0070711, 0.0141421]
 STUCK_4 = [-0.0070711, -0.0282843, -0.0212132, 0.0]
@@ -225,6 +226,9 @@ def test_joint_states_that_cease_lead_to_hold_and_back(asking, probe):
     probe.wait_for_state('hold')
     assert list(probe.commands[-1].data) == [0.0] * 4
     probe.wait(lambda: probe.mechanism['state'] == 'hold', 'metrics')
+    # Nobody waits for a probe that could begin with the next readings only.
+    refused = probe.call(Trigger, 'fault_tolerance/probe', Trigger.Request())
+    assert refused.message == 'the controller does not move the mechanism: hold'
     asking.settle(NOMINAL)
     asking.reach('nominal')
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -98,3 +99,32 @@ def test_the_way_is_short_and_always_the_same(controller):
     assert healthy == first == later == documented()
     assert healthy[-1] == END
     assert len(healthy[:-1]) <= MOST
+
+
+def test_better_places_are_looked_for_by_machine_code_only(controller, monkeypatch):
+    supervisor, looks = controller._supervisor, []
+    monkeypatch.setattr(supervisor.secondary, 'consider', lambda *given: looks.append(given))
+    controller._inputs.on_joint_state(joint_state(controller))
+    assert not looks
+    supervisor.kernel = replace(supervisor.kernel, compiled=True)
+    controller._inputs.on_joint_state(joint_state(controller))
+    ((output, _),) = looks
+    assert output is supervisor.output
+
+
+def test_what_goes_wrong_with_a_service_does_not_keep_drives_moving(controller, monkeypatch):
+    velocity = TwistStamped()
+    velocity.twist.angular.x = 1e-3
+    controller._inputs.on_task_velocity(velocity)
+    controller._inputs.on_joint_state(joint_state(controller))
+    assert controller._commands.moving
+
+    def fail():
+        raise RuntimeError('nobody takes the answer')
+
+    monkeypatch.setattr(controller._operator, 'look', fail)
+    controller._supervisor.forget_times(controller._timeline.now())
+    for _ in range(2):  # the first may be late, and then waits for messages
+        with pytest.raises(RuntimeError, match='nobody takes'):
+            controller._on_watchdog()
+    assert not controller._commands.moving

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that show that a brake holds a limp drive, and all that look like it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from core.control.test_converter import braked, report
@@ -21,10 +23,11 @@ MIRROR = braked()
 PERIOD = 0.01
 
 
-def shown_after(course, noise=1e-8, seconds=2.0, asked=0.02, seed=0):
+def shown_after(course, noise=1e-8, seconds=2.0, asked=0.02, seed=0, stroke=None):
     """Return when a drive whose readings follow ``course`` is shown to be held; None: never."""
-    rng = np.random.default_rng(seed)
-    evidence = BrakeEvidence(MIRROR.actuators[1], MIRROR.characteristic_length)
+    rng, drive = np.random.default_rng(seed), MIRROR.actuators[1]
+    drive = replace(drive, position=stroke or drive.position)
+    evidence = BrakeEvidence(drive, MIRROR.characteristic_length)
     for now in np.arange(0.0, seconds, PERIOD):
         evidence.add(now, course(now) + noise * rng.standard_normal())
         if evidence.shows_a_stop(asked):
@@ -66,6 +69,17 @@ def ending(way, time):
 def test_what_comes_to_rest_by_itself_is_not_held(way, noise):
     for time in (0.005, 0.02, 0.06, 0.2, 1.0):
         assert shown_after(ending(way, time), noise, seed=round(1e3 * time)) is None
+
+
+@pytest.mark.parametrize(('stroke', 'at'), [
+    ((-np.inf, 0.6e-3), 0.57e-3), ((-0.6e-3, np.inf), -0.57e-3),
+])
+def test_nor_at_the_end_of_a_stroke_that_has_one_end_only(stroke, at):
+    def course(now, start=at):
+        return start + np.copysign(3e-5, start) * min(now / 0.06, 1.0)
+
+    assert shown_after(course, stroke=stroke) is None
+    assert shown_after(lambda now: course(now, -at), stroke=stroke)
 
 
 def test_noise_alone_shows_nothing():

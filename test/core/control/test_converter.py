@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Brakes and releases turn failures that must not stand into such as may (section III-F)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from core.detection.detection_cases import ENGINES
@@ -36,6 +38,27 @@ def running(mechanism, convert='act'):
     supervisor.joint_reading(np.zeros(len(mechanism.actuators)), 0.0)
     assert supervisor.step(0.0).state is State.NOMINAL
     return supervisor
+
+
+def test_what_is_there_already_is_converted_once_that_is_allowed_or_needed():
+    supervisor = running(braked(), 'advise')
+    converter = supervisor.converter
+    assert not converter.consider(report(supervisor, 'torque', 'theta_2', 1.0), 1.0)
+    supervisor.go_on_with(replace(supervisor.settings, convert='act'))
+    assert converter.consider(supervisor.step(1.1), 1.1)
+    assert converter.engaged == ('theta_2',)
+
+    # Tolerated where it happens, and not elsewhere, or by another threshold.
+    supervisor = running(mechanism_named('mirror_4_strut'))
+    converter = supervisor.converter
+    output = report(supervisor, 'torque', 'theta_2', 1.0)
+    assert output.state is State.DEGRADED
+    assert not converter.consider(output, 1.0)
+    supervisor.go_on_with(replace(supervisor.settings, tolerance_threshold=0.6))
+    output = supervisor.step(1.1)
+    assert output.state is State.STOPPED
+    assert converter.consider(output, 1.1)
+    assert converter.engaged == ('theta_2',)
 
 
 def test_a_limp_strut_is_braked_and_goes_on_once_that_is_confirmed():

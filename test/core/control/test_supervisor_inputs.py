@@ -293,6 +293,24 @@ def test_a_command_that_is_not_finite_never_leaves():
     assert 'the command is not finite' in output.reason
 
 
+def test_what_is_moved_beside_the_task_ends_unless_it_is_asked_for_again():
+    """A probe whose evaluation raises must not leave the drives to push against each other."""
+    supervisor, beside = fed(FSM, 0.0), 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])
+    supervisor.task_velocity(np.zeros(3), 0.0)
+    found = []
+    supervisor.move_beside(beside)
+    for now in (0.0, 0.01, 0.02):
+        feed(supervisor, now)
+        found.append(supervisor.step(now).rates.copy())
+        if now == 0.0:
+            supervisor.move_beside(beside)
+            assert supervisor.step(now).rates.any()  # no answer to a reading
+    np.testing.assert_array_equal(found, [beside, beside, np.zeros(4)])
+    for wrong in (np.nan, np.inf):
+        supervisor.move_beside(wrong * beside)
+        assert not supervisor.step(0.02).rates.any()
+
+
 def test_a_mechanism_given_by_numbers_is_controlled_too():
     mechanism = made(by_numbers())
     supervisor = fed(mechanism, velocity=ASKED)

@@ -16,13 +16,18 @@ PERIOD = 0.01
 ASKED = [5e-3, 0.0, 0.0]
 
 
-def run(mechanism, shares, asked, seconds=0.5, force=np.nan, failures=(), **options):
-    """Let actuators move by their shares of what they are told; return also what is missing."""
+def run(
+    mechanism, shares, asked, seconds=0.5, force=np.nan, failures=(), step=1e-12, **options
+):
+    """Let actuators move by their shares of what they are told; return also what is missing.
+
+    Encoders have steps of ``step``.
+    """
     supervisor = fed(mechanism, **options)
     supervisor.reports([report(*failure) for failure in failures], 0.0)
     values, news, told = np.zeros(len(mechanism.actuators)), [], []
     for number in range(1, round(seconds / PERIOD)):
-        feed(supervisor, number * PERIOD, asked, values)
+        feed(supervisor, number * PERIOD, asked, step * np.round(values / step))
         output = supervisor.step(number * PERIOD)
         news += supervisor.watch(force)
         missing = (1.0 - np.asarray(shares)) * output.rates * mechanism.rate_scale
@@ -48,6 +53,12 @@ def test_drives_that_do_not_follow_at_all_are_told_of(share, warned):
     supervisor.watch()
     supervisor.step(0.7)
     assert 'no drive follows' not in supervisor.metrics().message
+
+
+def test_drives_too_slow_for_their_encoders_are_not_taken_for_deaf():
+    for asked in (1e-7, 1e-6, 1e-5):
+        _, news, _ = run(MIRROR, 4 * (1.0,), [asked, 0.0, 0.0], seconds=2.5, step=1e-6)
+        assert not news
 
 
 def test_turning_drives_count_at_the_characteristic_length():

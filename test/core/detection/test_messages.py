@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands and readings that are late, lost, doubled, out of order or odd are no failures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from core.detection.detection_cases import PERIOD, awaited, loop_of, named, suspected
@@ -98,6 +100,34 @@ def test_a_gap_begins_anew_and_leaves_the_noise_that_is_known():
     loop.run(1.0)
     assert named(loop) == []
     assert loop.monitor.detector.ready
+
+
+class AheadOnce(ClosedLoop):
+    """A loop in which the stamp of the next joint state is ``ahead`` of its time (ns)."""
+
+    ahead = 0
+
+    def _listen(self, seen, output):
+        observe, ahead, self.ahead = self.monitor.observe, self.ahead, 0
+
+        def early(sighting, *given):
+            return observe(replace(sighting, stamp=sighting.stamp + ahead), *given)
+
+        self.monitor.observe = early
+        super()._listen(seen, output)
+        self.monitor.observe = observe
+
+
+@pytest.mark.parametrize('ahead', [200_000_000, 3_000_000_000])
+def test_a_stamp_that_is_ahead_of_its_time_blinds_nobody_for_long(ahead):
+    loop = loop_of(kind=AheadOnce)
+    loop.run(2.0)
+    loop.ahead = ahead
+    # A hundred readings bring it down to a third.
+    loop.run(5.0 if ahead > 1e9 else 2.0)
+    assert named(loop) == []
+    loop.inject('silent stuck theta_4')
+    assert awaited(loop, 3.0) < 100
 
 
 def test_a_single_wrong_reading_convicts_nobody():

@@ -134,6 +134,19 @@ def test_the_tones_are_orthogonal_and_leave_nothing_over():
     np.testing.assert_allclose(path @ directions @ directions.T, path, atol=1e-12)
 
 
+@pytest.mark.parametrize('lateness', [1.9, 5.0])
+def test_readings_that_come_late_do_not_drive_it_apart(lateness):
+    """Each rate lasts longer than was thought: without a limit the way would grow fivefold."""
+    probe, position, way = Probe(np.array([[0.6], [-0.8]]), AMPLITUDE, PERIOD), np.zeros(2), []
+    moved = np.zeros(2)
+    while not probe.over:
+        moved = lateness * PERIOD * probe.rates(moved)
+        position = position + moved
+        way.append(position)
+    assert np.abs(way).max() < 1.2 * lateness * AMPLITUDE
+    np.testing.assert_allclose(position[0] / 0.6, -position[1] / 0.8, atol=1e-15)
+
+
 def test_after_a_probe_of_the_loop_the_drives_are_where_they_were():
     loop = loop_of(reference=REST, disturbance=UNLOADED)
     loop.run(1.5)
@@ -157,14 +170,17 @@ def test_no_drive_is_loaded_by_more_than_was_allowed():
     assert probe_amplitude(1e6, 0.5, 1e-4) == pytest.approx(1e-7)
 
 
-@pytest.mark.parametrize('fault', ['stuck theta_3', 'silent stuck theta_3', 'pause'])
-def test_it_ends_within_a_cycle_of_a_failure_or_a_pause(fault):
+@pytest.mark.parametrize('fault', ['stuck theta_3', 'silent stuck theta_3', 'pause', 'gap'])
+def test_it_ends_within_a_cycle_of_a_failure_a_pause_or_a_gap(fault):
     loop = warm()
     assert loop.monitor.prober.request() == ''
     loop.run(0.1)
     assert loop.monitor.prober.probing
     if fault == 'pause':
         loop.supervisor.pause(True, loop._now)
+        loop.run(PERIOD)
+    elif fault == 'gap':  # in which the drives were told to rest
+        loop._now += 0.3
         loop.run(PERIOD)
     else:
         loop.inject(fault)
@@ -239,6 +255,9 @@ def test_every_refusal_has_its_reason():
     assert refusal(loop) == 'the encoders have not been heard for long enough yet'
     assert refusal(warm('mirror_3_strut')).startswith('no redundancy is left (r = 0)')
     assert 'breakaway' in refusal(with_settings(warm(), breakaway=1e-6))
+    loop = warm()
+    loop.monitor.settings = replace(loop.monitor.settings, probe_force=0.0)
+    assert refusal(loop) == 'probe_force is 0: no drive would be pushed'
 
 
 def test_without_a_known_stiffness_an_amplitude_is_needed():

@@ -174,6 +174,7 @@ MISTAKES = [
     (f'{BALL}.position', [-1, 1], f'{AT_BALL}.position: is for actuated joints only'),
     # Names that stand for two things.
     ('struts.1.name', 'strut_1', "struts: the name 'strut_1' stands for two things"),
+    (f'{HINGE}.name', ' hinge', "the name ' hinge' must not contain a blank or any of /:=,;"),
     (f'{HINGE}.name', 'strut_2', "the name 'strut_2' stands for two things"),
     (f'{HINGE}.name', 'strut_1', "the name 'strut_1' stands for two things"),
     (f'{HINGE}.name', 'hinge_2', "joints: the name 'hinge_2' stands for two things"),
