@@ -237,11 +237,14 @@ def export_machine(chosen: argparse.Namespace) -> None:
     elif chosen.format == 'table':
         back = _way_back(mechanism, chosen.units)
         texts[chosen.output] = leg_table(legs_of(mechanism), chosen.units, back)
-    else:
-        if not chosen.output:
-            raise FaultToleranceError('a URDF and its closures are two files: -o FILE.urdf')
+    elif chosen.output:
         beside = chosen.output.with_suffix('.closures.yaml')
         texts[chosen.output], texts[beside] = urdf_texts(mechanism)
+    else:
+        robot, closures = urdf_texts(mechanism)
+        if '--' in closures:  # which ends a comment
+            raise FaultToleranceError('a URDF and its closures are two files: -o FILE.urdf')
+        texts[None] = f'{robot}<!-- NAME.closures.yaml beside it:\n{closures}-->\n'
     for path, text in texts.items():
         if path is None:
             print(text, end='')

@@ -3,6 +3,7 @@
 """Other people's files: what they may hold, against MuJoCo, and what is said of the others."""
 
 from math import cos, radians, sin
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -366,8 +367,15 @@ def test_import_and_export_on_the_command_line(tmp_path, monkeypatch, capsys):
     # What lies beside it is found.
     assert main(['import', 'g.urdf', '-o', 'third.yaml', '--json']) == 0
     assert '"mobility": 6' in capsys.readouterr().out
+    # Printed, the closures are a comment.
+    assert main(['export', 'again.yaml', '--format', 'urdf']) == 0
+    printed = capsys.readouterr().out
+    assert ElementTree.fromstring(printed).tag == 'robot'
+    assert (tmp_path / 'g.closures.yaml').read_text() in printed
+    odd = (tmp_path / 'again.yaml').read_text().replace('leg_1', 'l--1')
+    (tmp_path / 'odd.yaml').write_text(odd)
     for arguments, message in (
-        (['export', 'again.yaml', '--format', 'urdf'], 'two files: -o FILE.urdf'),
+        (['export', 'odd.yaml', '--format', 'urdf'], 'two files: -o FILE.urdf'),
         (['export', 'again.yaml', '--format', 'mjcf', '-o', 'no/g.xml'], 'cannot be written'),
         (['import', 'again.yaml'], '--format mjcf, urdf or sdf?'),
         (['import', 'none.urdf'], 'none.urdf: is no URDF that can be read'),
