@@ -19,6 +19,9 @@ from fault_tolerance.mechanism.parts import Actuator
 LARGEST_VALUE = 1e6
 """Radians or metres; beyond it no reading is one, and squares of it would lose their meaning."""
 
+LARGEST_EFFORT = 1e12
+"""N or N m; squares of what drivers leave in a field that they do not fill would overflow."""
+
 
 class Readings(NamedTuple):
     """The outcome of reading one joint state."""
@@ -117,14 +120,14 @@ class JointStateReader:
         Returns
         -------
         (N,) array or None
-            None where they are not given for all.
+            None where they are not given for all, or cannot be true.
         """
         if len(efforts) != len(names):
             return None
         found = dict(zip(names, efforts, strict=True))
         given = [found.get(name, np.nan) for name in self._mechanism.joint_state_names]
         values = self._signs * np.array(given, dtype=np.float64)
-        return values if np.isfinite(values).all() else None
+        return values if (np.abs(values) <= LARGEST_EFFORT).all() else None
 
 
 def joint_readings(

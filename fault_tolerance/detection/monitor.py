@@ -26,8 +26,8 @@ from fault_tolerance.kinematics.rows import StrutRows
 from fault_tolerance.mechanism.arrays import FloatArray, decimal
 from fault_tolerance.mechanism.description import Mechanism
 
-RELIEF_EVERY = 10
-"""Readings from one look at the strain to the next."""
+RELIEF_EVERY = 100_000_000
+"""Nanoseconds from one look at the strain to the next: not too long for the gain of the relief."""
 
 
 class Monitor:
@@ -61,7 +61,7 @@ class Monitor:
         self._relief = Relief(mechanism, given.relief)
         self._failures = FailureSet()
         self._convicted: tuple[Suspicion, ...] = ()
-        self._readings = 0
+        self._looked = 0
         self.rates: FloatArray | None = None
 
     @property
@@ -167,13 +167,12 @@ class Monitor:
         if set(failures.parts) < set(self._failures.parts):
             self.prober.look_again()
         self._failures = failures
-        self._readings += 1
         if strained or self.prober.straining or not moving:
             self.rates = self.prober.rates
         elif changed:
             self.rates = None
-        elif self._readings % RELIEF_EVERY == 0:
-            self.rates = self._relieving(sighting)
+        elif not 0 <= sighting.stamp - self._looked < RELIEF_EVERY:
+            self._looked, self.rates = sighting.stamp, self._relieving(sighting)
         return bool(new)
 
     def _relieving(self, sighting: Sighting) -> FloatArray | None:

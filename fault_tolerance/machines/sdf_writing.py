@@ -16,13 +16,16 @@ import numpy as np
 from fault_tolerance.machines.sdf_reading import EXTRAS
 from fault_tolerance.machines.urdf_writing import numbers_text, require_struts
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.description import Mechanism, check_names
 from fault_tolerance.mechanism.parts import Joint, Strut
 from fault_tolerance.simulation.mjcf import PLATFORM, ball_of
 
 
 def sdf_text(mechanism: Mechanism) -> str:
-    """Return ``mechanism`` as SDF; MechanismError if it is given by its Jacobian only."""
+    """Return ``mechanism`` as SDF.
+
+    MechanismError if it is given by its Jacobian only, or has a name of a link that is made here.
+    """
     require_struts(mechanism)
     ElementTree.register_namespace('ft', EXTRAS[1:].split('}')[0])
     root = ElementTree.Element('sdf', version='1.7')
@@ -30,6 +33,8 @@ def sdf_text(mechanism: Mechanism) -> str:
     _add_link(model, PLATFORM, mechanism.origin)
     for strut in mechanism.struts:
         _add_strut(model, strut, mechanism)
+    # SDF has one name space for links and joints.
+    check_names(mechanism.name, [('SDF', one.get('name', '')) for one in model])
     ElementTree.SubElement(
         model, EXTRAS, platform=PLATFORM, drives=' '.join(mechanism.actuator_names),
         task=' '.join(mechanism.task.coordinates), major=' '.join(mechanism.task.major),

@@ -50,6 +50,14 @@ def test_readings_are_counted_from_home_in_the_joints_own_sense():
     np.testing.assert_array_equal(found.values, [-0.5])
 
 
+@pytest.mark.parametrize('bad', [float('nan'), -float('inf'), 1e300, -1e160])
+def test_efforts_that_cannot_be_true_are_none(bad):
+    """A square of them that overflows would convict every part, as a field not filled may."""
+    reader, efforts = JointStateReader(MECHANISM), [1.0, -2.0, 3.0, 1e6]
+    np.testing.assert_array_equal(reader.efforts(NAMES, efforts), efforts)
+    assert reader.efforts(NAMES, [1.0, bad, 3.0, 4.0]) is None
+
+
 @pytest.mark.parametrize('bad', [float('nan'), float('inf'), -float('inf'), 1e7, -1e308])
 def test_what_is_not_a_sane_number_is_rejected_and_named(bad):
     notice = refused(NAMES, [0.0, bad, 0.0, 0.0])

@@ -4,9 +4,10 @@
 
 import numpy as np
 import pytest
-from core.detection.detection_cases import ENGINES, PERIOD, loop_of
+from core.detection.detection_cases import ENGINES, PERIOD, REST, loop_of
 
 from fault_tolerance.control.failure_reports import ERROR, Report
+from fault_tolerance.control.settings import Settings
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.relief import SPEED
 from fault_tolerance.detection.self_stress import SelfStress
@@ -76,6 +77,25 @@ def test_the_force_goes_and_the_mirror_goes_on(engine, end):
     mechanism = loop.mechanism
     fastest = SPEED * mechanism.characteristic_length
     assert np.abs(rates[True] - rates[False]).max() < 5.0 * fastest
+
+
+def test_it_goes_with_few_readings_a_second_too():
+    slow = Settings(joint_state_timeout=0.5, command_timeout=0.5, report_timeout=0.1)
+    loop = loop_of(reference=REST, period=0.1, control=slow)
+    loop.run(9.0)
+    loop.inject('stuck theta_4')
+    loop.run(1.0)
+    loop.inject('ok theta_4')
+    loop.run(1.0)
+    loop.plant.command(1e-4 * np.array([1.0, -1.0, 1.0, -1.0]))
+    loop.plant.step(0.1)
+    loop.clear()
+    forces = []
+    for _ in range(40):
+        loop.run(0.1)
+        forces.append(loop.monitor.internal_force)
+    assert max(forces) > 5.0
+    assert max(forces[-12:]) < 0.2
 
 
 def test_what_has_always_been_there_is_left_alone():

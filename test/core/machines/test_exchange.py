@@ -9,6 +9,7 @@ import pytest
 from core.mechanisms import DOCUMENTS, made
 
 from fault_tolerance.cli import main
+from fault_tolerance.errors import MechanismError
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.machines.closure_files import closures_from_file
 from fault_tolerance.machines.linkages import mechanism_of
@@ -18,7 +19,7 @@ from fault_tolerance.machines.sdf_reading import linkage_from_sdf
 from fault_tolerance.machines.sdf_writing import sdf_text
 from fault_tolerance.machines.urdf_reading import linkage_from_urdf
 from fault_tolerance.machines.urdf_writing import urdf_texts
-from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path, shipped_names
 from fault_tolerance.mechanism.files import mechanism_from_file, mechanism_from_text
 from fault_tolerance.simulation.mjcf import mjcf_text
 
@@ -85,6 +86,13 @@ def test_away_from_home_too(tmp_path, way, name):
     mechanism = MACHINES[name]
     at = {mechanism.actuator_names[0]: 0.02, mechanism.actuator_names[1]: -0.01}
     assert_same(WAYS[way](mechanism, tmp_path), mechanism, at, 1e-8)
+
+
+@pytest.mark.parametrize('name', ['platform', 'theta_2_link', 'strut_1_end'])
+def test_a_name_of_what_sdf_needs_besides_is_refused(name):
+    text = mechanism_path('mirror_4_strut').read_text().replace('theta_1', name)
+    with pytest.raises(MechanismError, match=f"SDF: the name '{name}' stands for two things"):
+        sdf_text(mechanism_from_text(text))
 
 
 @pytest.mark.parametrize('name', IN_A_TABLE)
