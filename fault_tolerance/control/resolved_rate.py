@@ -20,7 +20,7 @@ from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.task import COORDINATES
-from fault_tolerance.tolerances import OBSTACLE_BAND
+from fault_tolerance.tolerances import NEGLIGIBLE_RATE, OBSTACLE_BAND
 
 _OBSTACLES = {
     at.HARDLY_MOVES: 'of the major task',
@@ -87,8 +87,13 @@ class RateCommand:
         return float(self.numbers[at.RATE_JUMP])
 
     def with_rates_beside(self, rates: FloatArray) -> RateCommand:
-        """Return the same command with ``rates`` (N,) added, which do not serve the task."""
-        return replace(self, rates=frozen(self.rates + rates))
+        """Return the same command with ``rates`` (N,) added, which do not serve the task.
+
+        What is only rounding beside the largest is left out: a stuck drive gets exactly 0.
+        """
+        size = np.abs(rates)
+        added = np.where(size > NEGLIGIBLE_RATE * size.max(), rates, 0.0)
+        return replace(self, rates=frozen(self.rates + added))
 
     def saturated(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of the N actuators ``names`` that would have crossed a bound."""

@@ -309,6 +309,11 @@ def test_what_is_moved_beside_the_task_ends_unless_it_is_asked_for_again():
     for wrong in (np.nan, np.inf):
         supervisor.move_beside(wrong * beside)
         assert not supervisor.step(0.02).rates.any()
+    # Rounding moves no stuck drive.
+    supervisor.reports([report('stuck', 'theta_4')], 0.02)
+    supervisor.step(0.02)
+    supervisor.move_beside(np.array([1e-4, -2e-4, 1e-4, 1e-23]))
+    assert supervisor.step(0.02).rates.tolist() == [1e-4, -2e-4, 1e-4, 0.0]
 
 
 def test_a_mechanism_given_by_numbers_is_controlled_too():
