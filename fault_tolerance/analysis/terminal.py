@@ -38,12 +38,15 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
     With ``what`` it is of before it, on standard error, where that is a terminal.
     """
     console = console_for_text(stderr=True)
+    if not console.is_terminal:  # a disabled bar of older rich still ends with an empty line
+        yield lambda done, total: None
+        return
     columns = (
         progress.TextColumn('{task.description}'), progress.BarColumn(),
         progress.MofNCompleteColumn(), progress.TimeElapsedColumn(),
         progress.TimeRemainingColumn(),
     )
-    with progress.Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+    with progress.Progress(*columns, console=console) as bar:
         shown = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(shown, completed=done, total=total)
 
