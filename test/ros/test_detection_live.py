@@ -9,6 +9,7 @@ import signal
 import time
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from node_rig import values_of
@@ -72,6 +73,7 @@ class Machine:
         return float(np.sqrt((errors**2).sum(axis=1).mean()))
 
 
+@pytest.mark.timed
 def test_a_silent_stuck_drive_is_named_and_handled(start, probe):
     machine = Machine(start, probe, 'act')
     begun = machine.inject('silent stuck theta_4')
@@ -82,8 +84,7 @@ def test_a_silent_stuck_drive_is_named_and_handled(start, probe):
     assert values['failure_mode'] == 'position'
     assert 'position:theta_4' in values['candidates'].split(',')
     assert float(values['log_odds']) > 20.0
-    # How soon the simulator has heard of it is a matter of how busy the machine is.
-    assert begun - 0.05 < float(values['onset']) < time.time()
+    assert begun - 0.05 < float(values['onset']) < begun + 1.0
     probe.wait_for_state('degraded')
     probe.spin(2.0)
     # 350 urad without. How soon is a matter of how busy the machine is; test_silent_failures.py
