@@ -43,7 +43,7 @@ class JointStateReader:
 
     def __init__(self, mechanism: Mechanism, timeout: float = 0.1) -> None:
         self._mechanism, self.timeout = mechanism, timeout
-        self._names: list[str] = []
+        self._names: list[str] | None = None  # an empty message has none either
         self._places: IntArray = np.zeros(0, dtype=np.intp)
         count = len(mechanism.actuators)
         self._homes = mechanism.readings_from_values(np.zeros(count))
@@ -64,10 +64,12 @@ class JointStateReader:
 
         Parameters
         ----------
-        names, positions : sequences
-            See `joint_readings`.
+        names : sequence of str
+            In any order; those of other machines are ignored.
+        positions : sequence of float
+            What the encoders read, rad or m.
         failed : collection of str
-            Actuators and struts whose joints may be without a reading.
+            Actuators and struts whose joints may be missing, or not finite.
         now : float
             Seconds.
 
@@ -130,28 +132,13 @@ class JointStateReader:
         return values if (np.abs(values) <= LARGEST_EFFORT).all() else None
 
 
-def joint_readings(
-    mechanism: Mechanism,
-    names: Sequence[str],
-    positions: Sequence[float],
-    failed: Collection[str] = (),
-) -> Readings:
-    """Return the joint values of ``mechanism`` that a joint state gives.
-
-    ``names`` are in any order, and those of other machines are ignored; ``positions`` are what the
-    encoders read, rad or m. Joints of the ``failed`` actuators and struts may be missing, or not
-    finite.
-    """
-    return _read(mechanism, names, positions, failed)[0]
-
-
 def _read(
     mechanism: Mechanism,
     names: Sequence[str],
     positions: Sequence[float],
     failed: Collection[str],
 ) -> tuple[Readings, FloatArray | None]:
-    """Return `joint_readings`, and what there is (N,) where some joints are missing."""
+    """Return the readings of one message, and what there is (N,) where some joints are missing."""
     if not len(names):
         return Readings(None, Notice('empty_joint_state', '')), None
     if len(names) != len(positions):

@@ -11,6 +11,7 @@ import numpy as np
 from core import reference
 from core.mechanisms import DOCUMENTS, bennett, made
 
+from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
@@ -131,3 +132,13 @@ def tilted(name: str, about_x: float, about_y: float, lift: float = 0.0) -> Conf
         x, y, _ = strut.joints[-1].point - mechanism.origin
         values.append(about_x * y - about_y * x + lift)
     return fitted_configuration(mechanism, np.array(values))
+
+
+def joint_readings(mechanism, names, positions, failed=()):
+    """Return what a reader makes of a joint state when it comes for the second time.
+
+    The first one without all joints is a part, to which others may come.
+    """
+    reader = JointStateReader(mechanism)
+    reader.readings(names, positions, failed)
+    return reader.readings(names, positions, failed)

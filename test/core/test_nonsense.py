@@ -9,11 +9,12 @@ import math
 
 import numpy as np
 import pytest
+from core.cases import joint_readings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.control.failure_reports import Report, part_names, report_of
-from fault_tolerance.control.joint_states import LARGEST_VALUE, joint_readings
+from fault_tolerance.control.joint_states import LARGEST_VALUE
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.errors import ArrayError, FailureError, MechanismError

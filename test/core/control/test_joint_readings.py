@@ -5,10 +5,11 @@
 
 import numpy as np
 import pytest
+from core.cases import joint_readings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.joint_states import JointStateReader, joint_readings, unusable
+from fault_tolerance.control.joint_states import JointStateReader, unusable
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.files import mechanism_from_text
 
