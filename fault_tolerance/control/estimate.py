@@ -16,7 +16,7 @@ from fault_tolerance.control.observability import is_determined, silent_drives
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.compilation import Kernel
-from fault_tolerance.kernel.model import EstimateArrays, Law, Model, estimate_of, estimate_size
+from fault_tolerance.kernel.model import EstimateArrays, Law, Model, estimate_of
 from fault_tolerance.kernel.packing import PackedModel, packed_model
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
@@ -53,8 +53,7 @@ class ControlModel:
     @cached_property
     def size(self) -> int:
         """How many numbers an estimate has."""
-        struts, joints = self.view.chains.actuator.shape
-        return estimate_size(struts, joints, len(self.mechanism.actuators))
+        return self.packed.size
 
     @cached_property
     def unknown(self) -> Estimate:
@@ -223,7 +222,8 @@ class Estimate:
         """
         model = self.model
         out = np.empty(3 + 2 * len(self.readings) + len(model.mechanism.struts))
-        model.kernel.measures(model.packed.counts, model.packed.measured, self.numbers, out)
+        packed = model.packed
+        model.kernel.measures(packed.counts, packed.measured, self.numbers, out, packed.work)
         return out
 
 
@@ -263,8 +263,9 @@ def estimate(
     if values.flags.writeable:
         values = values.copy()
         values.setflags(write=False)
-    packed, numbers = model.packed, np.empty(model.size)
-    model.kernel.estimate(packed.counts, packed.numbers, flags, before.numbers, values, numbers)
+    part, numbers = model.packed, np.empty(model.size)
+    model.kernel.estimate(
+        part.counts, part.numbers, flags, before.numbers, values, numbers, part.work)
     numbers.setflags(write=False)
     unread, determined = None, True
     if not isfinite(values.dot(values)):

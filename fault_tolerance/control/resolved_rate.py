@@ -15,7 +15,7 @@ from fault_tolerance.control.estimate import estimate as estimated
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.law import asked_velocity, prioritised
 from fault_tolerance.kernel.model import Law, TaskRows, command_of, command_size
-from fault_tolerance.kernel.motions import Kinematics
+from fault_tolerance.kernel.workspace import workspace_size
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
@@ -145,7 +145,7 @@ def rate_command(
     changed = (last.stuck, last.free, last.lost) != (present.stuck, present.free, present.lost)
     model.kernel.command(
         packed.counts, packed.numbers, used.numbers, used.readings, velocity,
-        before.numbers, now, changed, numbers,
+        before.numbers, now, changed, numbers, packed.work,
     )
     numbers.setflags(write=False)
     count = at.COMMAND_FACTS + len(estimate.readings)
@@ -245,16 +245,16 @@ def resolved_rate(
     twist[task.rows] = kinematics.jacobian
     if len(kinematics.twist_jacobian) == len(COORDINATES):
         twist = kinematics.twist_jacobian
-    rows = TaskRows(
-        task.rows, task.major_rows, task.secondary_rows, scale, np.ones(len(task.rows))
-    )
+    major, other, ones = task.major_rows, task.secondary_rows, np.ones(len(task.rows))
+    rows = TaskRows(task.rows, major, other, np.concatenate([major, other]), scale, ones)
     follow = drives[:, None] * (kinematics.rate_map @ per_speed)
-    driven = drives[:, None] * (mapping @ per_speed)
-    scaled = Kinematics(scale[:, None] * (twist @ per_speed), driven, follow, 0)
-    found = prioritised(rows, Law(), scaled, asked_velocity(rows, asked))
+    motions = np.vstack([scale[:, None] * (twist @ per_speed), follow]).T.copy()
+    work = np.ones(workspace_size(0, 0, len(drives), len(task.rows)))
+    wanted = asked_velocity(rows, asked, np.empty(len(asked)))
+    found = prioritised(work, rows, Law(), motions, wanted)
     reduced = per_speed @ (found.first + found.second)
     achieved = kinematics.jacobian @ reduced
-    complete = len(found.sigma) == len(task.major)
+    complete = len(task.major) <= kinematics.mobility
     return ResolvedRate(
         asked,
         frozen(kinematics.rate_map @ reduced),
@@ -262,5 +262,5 @@ def resolved_rate(
         frozen(asked - achieved),
         frozen(twist @ reduced),
         int(found.driven),
-        float(found.sigma[-1]) if complete else 0.0,
+        float(found.found.sigma[len(task.major) - 1]) if complete else 0.0,
     )

@@ -6,36 +6,41 @@
 The structural rows are solved first, along the directions the flexures do not absorb. What
 freedom is left fits the readings by least squares, and the joints follow strut by strut
 (docs/theory.md, section 3). The factorisations of one configuration serve for several steps
-(chord steps); the last evaluation serves for the next estimate.
+(chord steps); the last evaluation serves for the next estimate. An estimate is the place: its
+pose, joint values, openings and factorised struts are moved.
 """
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
-import numpy as np
-
-from fault_tolerance.kernel.elimination import Elimination, eliminated, joint_rates
+from fault_tolerance.kernel.elimination import factorise, joint_rates
 from fault_tolerance.kernel.factorisation import (
+    Decomposition,
+    along,
+    combined,
+    copied,
+    decomposed,
     dot,
-    frobenius,
     largest_of,
     norm,
-    pseudo_inverse,
     rank_of,
-    rows_of,
-    svd,
+    solved,
 )
-from fault_tolerance.kernel.model import Model
+from fault_tolerance.kernel.model import EstimateArrays, Model
 from fault_tolerance.kernel.motions import (
     Structure,
     allowed_motions,
+    freedom_of,
     holds,
     kept_constraints,
+    rates_of,
+    size_of,
     structure_of,
 )
-from fault_tolerance.kernel.placement import displaced_pose, placed_struts
+from fault_tolerance.kernel.placement import displace, place_struts
+from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import (
     CHORD_FIT,
@@ -48,24 +53,14 @@ from fault_tolerance.tolerances import (
 
 MOST_FACTORISATIONS, MOST_CHORDS = 60, 4
 
-class Location(NamedTuple):
-    """A pose (4, 4), joint values (s, k), and what follows: openings (s, 6), factorised struts."""
-
-    pose: FloatArray
-    values: FloatArray
-    openings: FloatArray
-    struts: Elimination
-
 
 class Closing(NamedTuple):
-    """Where closing the loops has ended, and the structure of the attached struts there.
+    """How closing the loops has ended.
 
     ``outside`` and ``strain`` are the metres open outside, and along, the directions that the
     flexures absorb; ``steps`` is 0 where the loops do not close.
     """
 
-    location: Location
-    structure: Structure
     outside: float
     strain: float
     steps: int
@@ -74,206 +69,202 @@ class Closing(NamedTuple):
 class Linearisation(NamedTuple):
     """What turns openings and misfits into a step.
 
-    ``closing`` (6, g) is the twist per misclosure of the structural rows; ``twists`` (6, w) and
-    ``rates`` (N, w) are the motions left, ``fit`` (w, h) their coordinates per misfit of a
-    reading; ``read`` (N,) is 1 for the h actuators with a reading.
+    ``kept`` constraints of the ``structure`` count; ``motions`` (w, 6 + N) are left. ``fit``
+    decomposes their rates at the actuators with a reading, of which ``read`` (N,) is 1; ``rank``
+    singular values are not zero.
     """
 
-    closing: FloatArray
-    twists: FloatArray
-    rates: FloatArray
-    fit: FloatArray
+    structure: Structure
+    kept: int
+    motions: FloatArray
+    fit: Decomposition
+    rank: int
     read: FloatArray
 
 
-def located(m: Model, pose: FloatArray, values: FloatArray) -> Location:
-    """Return the location of ``m`` at a ``pose`` (4, 4) and joint ``values`` (s, k)."""
-    screws, openings = placed_struts(m.chains, pose, values)
-    return Location(pose, values, openings, eliminated(m.chains, m.drives.scale, screws))
+def place(m: Model, e: EstimateArrays) -> None:
+    """Write openings and factorised struts of ``m`` at the pose and joint values of ``e``."""
+    mark = m.work[0]
+    s, k = m.chains.actuator.shape
+    screws = vector(m.work, 6 * s * k).reshape((s, k, 6))
+    place_struts(m, e, screws)
+    factorise(m, e, screws)
+    m.work[0] = mark
 
 
-def closed(m: Model, start: Location, failed: FloatArray, target: FloatArray) -> Closing:
-    """Return where the loops of the attached struts close and the readings fit best.
+def closed(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) -> Closing:
+    """Move ``e`` to where the loops of the attached struts close and the readings fit best.
 
-    Of ``m``, from a warm ``start``; ``target`` (N,) are joint values read, NaN where there is
-    none, and those of struts that ``failed`` (s + 2 N,) says are lost are not looked at.
+    Returns how that has ended. Of ``m``, from a warm start; ``target`` (N,) are joint values read,
+    NaN where there is none, and those of struts that ``failed`` (s + 2 N,) says are lost are not
+    looked at.
     """
-    location, steps, arrived, before, last = start, 0, False, -1, np.inf
-    structure = structure_of(location.struts, failed)
+    mark, steps, arrived, before, last = m.work[0], 0, False, -1, inf
     for _ in range(MOST_FACTORISATIONS):
-        kept = kept_constraints(structure.sigma, m.law.closing_compliance)
+        m.work[0] = mark
+        structure = structure_of(m, e, failed)
+        kept = kept_constraints(structure.found.sigma, m.law.closing_compliance)
         if arrived and kept == before:
-            outside, strain = open_ways(location, structure, failed, kept)
+            outside, strain = _open_ways(m, e, structure, failed, kept)
             if outside <= CLOSURE_TOLERANCE:
-                return Closing(location, structure, outside, strain, steps)
+                return Closing(outside, strain, steps)
             if not outside <= STALLED * last:
                 break
             last = outside
         before = kept
-        steps_now, arrived, location = _advanced(
-            m, location, _linearised(m, location, failed, target, structure, kept), structure,
-            failed, target,
-        )
-        if steps_now == 0:
+        taken, arrived = _advance(m, e, failed, target, _linearised(
+            m, e, failed, target, structure, kept
+        ))
+        if taken == 0:
             break
-        steps += steps_now
-        structure = structure_of(location.struts, failed)
-    return Closing(location, structure, np.inf, np.inf, 0)
+        steps += taken
+    return Closing(inf, inf, 0)
 
 
 def largest_misfit(
-    m: Model, values: FloatArray, failed: FloatArray, target: FloatArray
+    m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray
 ) -> float:
-    """Return by how much ``target`` (N,) and ``values`` (s, k) of ``m`` differ, metres, at most.
+    """Return by how much ``target`` (N,) and the values in ``e`` differ, metres, at most.
 
-    Of struts that have not ``failed`` (s + 2 N,).
+    Of struts of ``m`` that have not ``failed`` (s + 2 N,).
     """
-    largest = 0.0
+    largest, strut, joint, values = 0.0, m.chains.strut, m.chains.joint, e.values
     for j in range(len(target)):
-        if m.chains.strut[j] >= 0 and holds(m.chains.strut, failed, j) and isfinite(target[j]):
-            off = abs(target[j] - values[m.chains.strut[j], m.chains.joint[j]]) * m.drives.scale[j]
-            largest = max(largest, off)
+        if strut[j] >= 0 and holds(strut, failed, j) and isfinite(target[j]):
+            off = abs(target[j] - values[strut[j], joint[j]])
+            largest = max(largest, off * m.drives.scale[j])
     return largest
 
 
-def open_ways(
-    location: Location, structure: Structure, failed: FloatArray, kept: int
+def _open_ways(
+    m: Model, e: EstimateArrays, structure: Structure, failed: FloatArray, kept: int
 ) -> tuple[float, float]:
-    """Return `Closing.outside` and `strain` at a ``location``.
-
-    ``kept`` constraints of the ``structure`` count; struts ``failed`` (s + 2 N,) may be lost.
-    """
-    rest = location.openings.copy()
-    for s in range(len(rest)):
-        if failed[s] != 0.0:
-            for i in range(6):
-                rest[s, i] = 0.0
-    strain = _misclosures(structure, location.openings)
-    missing = strain.copy()
+    """Return `Closing.outside` and `strain` at ``e``."""
+    mark, g, openings, left = m.work[0], len(structure.owner), e.openings, structure.found.left
+    missing = _misclosures(structure, openings, vector(m.work, g))
+    strain = copied(missing, vector(m.work, g))
     for k in range(kept):
-        share = 0.0
-        for i in range(len(missing)):
-            share += structure.left[i, k] * missing[i]
-        for i in range(len(missing)):
-            strain[i] -= share * structure.left[i, k]
-    for i in range(len(strain)):
+        combined(1.0, strain, -dot(left[k], missing), left[k], strain)
+    rest = matrix(m.work, len(openings), 6)
+    for s in range(len(rest)):
+        factor = 1.0 if failed[s] == 0.0 else 0.0
+        combined(factor, openings[s], 0.0, openings[s], rest[s])
+    for i in range(g):
+        own = rest[int(structure.owner[i])]
         for c in range(6):
-            rest[structure.owner[i], c] -= strain[i] * structure.rows[i, c]
-    return frobenius(rest), norm(strain)
+            own[c] -= strain[i] * structure.columns[c, i]
+    m.work[0] = mark
+    return size_of(rest, 0, 6), norm(strain)
 
 
-def _misclosures(structure: Structure, openings: FloatArray) -> FloatArray:
-    missing = np.empty(len(structure.owner))
-    for i in range(len(missing)):
-        missing[i] = dot(structure.rows[i], openings[structure.owner[i]])
-    return missing
+def _misclosures(structure: Structure, openings: FloatArray, out: FloatArray) -> FloatArray:
+    """Write what is open along each row of the ``structure``."""
+    columns, owner = structure.columns, structure.owner
+    for i in range(len(out)):
+        own, out[i] = openings[int(owner[i])], 0.0
+        for c in range(6):
+            out[i] += columns[c, i] * own[c]
+    return out
 
 
 def _linearised(
     m: Model,
-    location: Location,
+    e: EstimateArrays,
     failed: FloatArray,
     target: FloatArray,
     structure: Structure,
     kept: int,
 ) -> Linearisation:
-    """Return what steps away from ``location`` are made with."""
-    closing = pseudo_inverse(structure.left, structure.sigma, structure.right, kept)
-    twists, rates = allowed_motions(m, location.struts, failed, structure, kept)
-    read = np.zeros(len(target))
-    for j in range(len(target)):
-        if holds(m.chains.strut, failed, j) and isfinite(target[j]):
-            read[j] = 1.0
-    fitted = rows_of(rates, read)
-    place = 0
-    for j in range(len(target)):
-        if read[j] != 0.0:
-            for c in range(rates.shape[1]):
-                fitted[place, c] /= m.drives.scale[j]
-            place += 1
-    left, sigma, right = svd(fitted)
-    fit = pseudo_inverse(left, sigma, right, rank_of(sigma, largest_of(sigma)))
-    return Linearisation(closing, twists, rates, fit, read)
+    """Return what steps away from ``e`` are made with."""
+    n, scale, strut = len(target), m.drives.scale, m.chains.strut
+    motions = matrix(m.work, freedom_of(m, e, failed, kept), 6 + n)
+    allowed_motions(m, e, failed, structure, kept, motions)
+    read = vector(m.work, n)
+    for j in range(n):
+        read[j] = 1.0 if holds(strut, failed, j) and isfinite(target[j]) else 0.0
+    rates = rates_of(motions, read, matrix(m.work, len(motions), n))
+    for c in range(len(motions)):
+        for j in range(n):
+            rates[c, j] /= scale[j]
+    fit = decomposed(m.work, rates)
+    return Linearisation(
+        structure, kept, motions, fit, rank_of(fit.sigma, largest_of(fit.sigma)), read
+    )
 
 
-def _advanced(
-    m: Model,
-    start: Location,
-    linear: Linearisation,
-    structure: Structure,
-    failed: FloatArray,
-    target: FloatArray,
-) -> tuple[int, bool, Location]:
-    """Return how many chord steps were taken, whether they have arrived, and where.
+def _advance(
+    m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray, linear: Linearisation
+) -> tuple[int, bool]:
+    """Move ``e`` by chord steps; return how many, and whether they have arrived.
 
-    No step means that they lead nowhere (numbers that are not finite).
+    None means that they lead nowhere (numbers that are not finite).
     """
-    pose, values, openings, screws = start.pose, start.values, start.openings, m.chains.screws
+    (s, k), size, joints = m.chains.actuator.shape, m.chains.length, m.chains.joints
+    scale, openings, values = m.drives.scale, e.openings, e.values
+    screws = vector(m.work, 6 * s * k).reshape((s, k, 6))
+    twist, rates = vector(m.work, 6), vector(m.work, len(target))
+    tips, follow = matrix(m.work, s, 6), matrix(m.work, s, k)
     travelled, arrived, steps = 0.0, False, 0
     for _ in range(MOST_CHORDS):
-        twist, rates = _step(m, start.struts, linear, structure, failed, target, openings, values)
-        length, tips = norm(twist), np.empty(openings.shape)
-        for s in range(len(tips)):
-            for i in range(6):
-                tips[s, i] = openings[s, i] + twist[i]
-        follow = joint_rates(m.chains, start.struts, failed, tips, rates)
-        square = 0.0
+        _step(m, e, failed, target, linear, twist, rates)
+        square = whole = 0.0
         for j in range(len(rates)):
-            square += (m.drives.scale[j] * rates[j]) ** 2
-        length = max(length, sqrt(square))
-        if not isfinite(length + frobenius(follow)):
-            return 0, False, start
+            square += (scale[j] * rates[j]) ** 2
+        for i in range(s):
+            combined(1.0, openings[i], 1.0, twist, tips[i])
+        joint_rates(m, e, failed, tips, rates, follow)
+        for i in range(s):
+            for j in range(joints[i]):
+                whole += abs(follow[i, j])
+        length = max(norm(twist), sqrt(square))
+        if not isfinite(length + whole):
+            return 0, False
         shortened = 1.0
-        if length > LONGEST_STEP * m.chains.length:
-            shortened = LONGEST_STEP * m.chains.length / length
-        for i in range(6):
-            twist[i] *= shortened
-        pose, values = displaced_pose(pose, twist, m.chains.length), values.copy()
-        for s in range(len(values)):
-            for j in range(values.shape[1]):
-                values[s, j] += shortened * follow[s, j]
-        screws, openings = placed_struts(m.chains, pose, values)
+        if length > LONGEST_STEP * size:
+            shortened = LONGEST_STEP * size / length
+        combined(shortened, twist, 0.0, twist, twist)
+        displace(m, e.pose, twist)
+        for i in range(s):
+            for j in range(joints[i]):
+                values[i, j] += shortened * follow[i, j]
+        place_struts(m, e, screws)
         steps += 1
         travelled += length
-        arrived = length * travelled <= (CHORD_STEP * m.chains.length) ** 2
-        if arrived and travelled > CHORD_STEP * m.chains.length:
-            misfit = largest_misfit(m, values, failed, target)
-            arrived = misfit * travelled <= (CHORD_FIT * m.chains.length) ** 2
-        if arrived or travelled > CHORD_REACH * m.chains.length:
+        arrived = length * travelled <= (CHORD_STEP * size) ** 2
+        if arrived and travelled > CHORD_STEP * size:
+            misfit = largest_misfit(m, e, failed, target)
+            arrived = misfit * travelled <= (CHORD_FIT * size) ** 2
+        if arrived or travelled > CHORD_REACH * size:
             break
-    struts = eliminated(m.chains, m.drives.scale, screws)
-    return steps, arrived, Location(pose, values, openings, struts)
+    factorise(m, e, screws)
+    return steps, arrived
 
 
 def _step(
     m: Model,
-    struts: Elimination,
-    linear: Linearisation,
-    structure: Structure,
+    e: EstimateArrays,
     failed: FloatArray,
     target: FloatArray,
-    openings: FloatArray,
-    values: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the scaled twist (6,) and the actuators' rates (N,) of one step."""
-    missing = _misclosures(structure, openings)
-    twist, rates = np.zeros(6), np.zeros(len(target))
+    linear: Linearisation,
+    twist: FloatArray,
+    rates: FloatArray,
+) -> None:
+    """Write the scaled ``twist`` (6,) and the actuators' ``rates`` (N,) of one step."""
+    mark, structure, motions = m.work[0], linear.structure, linear.motions
+    strut, joint, scale, openings = m.chains.strut, m.chains.joint, m.drives.scale, e.openings
+    missing = _misclosures(structure, e.openings, vector(m.work, len(structure.owner)))
+    solved(structure.found, linear.kept, missing, twist)
+    combined(-1.0, twist, 0.0, twist, twist)
+    errors, rows, values, read = vector(m.work, len(rates)), e.rows, e.values, linear.read
+    for j in range(len(rates)):
+        rates[j] = errors[j] = 0.0
+        if holds(strut, failed, j):
+            rates[j] = dot(rows[j], twist) + dot(rows[j], openings[strut[j]])
+        if read[j] != 0.0:
+            errors[j] = target[j] - values[strut[j], joint[j]] - rates[j]
+    shares = solved(linear.fit, linear.rank, errors, vector(m.work, len(motions)))
     for i in range(6):
-        twist[i] = -dot(linear.closing[i], missing)
+        twist[i] += along(motions, shares, i)
     for j in range(len(rates)):
-        if holds(m.chains.strut, failed, j):
-            for i in range(6):
-                rates[j] += struts.rows[j, i] * (twist[i] + openings[m.chains.strut[j], i])
-    shares, place = np.zeros(linear.fit.shape[0]), 0
-    for j in range(len(rates)):
-        if linear.read[j] != 0.0:
-            error = target[j] - values[m.chains.strut[j], m.chains.joint[j]] - rates[j]
-            for c in range(len(shares)):
-                shares[c] += linear.fit[c, place] * error
-            place += 1
-    for c in range(len(shares)):
-        for i in range(6):
-            twist[i] += linear.twists[i, c] * shares[c]
-        for j in range(len(rates)):
-            rates[j] += linear.rates[j, c] * shares[c] / m.drives.scale[j]
-    return twist, rates
+        rates[j] += along(motions, shares, 6 + j) / scale[j]
+    m.work[0] = mark

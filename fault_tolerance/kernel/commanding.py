@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from math import isfinite
 
-import numpy as np
-
 from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.factorisation import combined, dot, frobenius, norm
+from fault_tolerance.kernel.factorisation import along, combined, copied, dot, norm
 from fault_tolerance.kernel.law import (
     Priority,
     asked_velocity,
@@ -24,8 +22,15 @@ from fault_tolerance.kernel.law import (
     rate_bounds,
     scaled_rates,
 )
-from fault_tolerance.kernel.model import CommandArrays, Model, command_of, estimate_of, model_of
-from fault_tolerance.kernel.motions import Kinematics
+from fault_tolerance.kernel.model import (
+    CommandArrays,
+    Model,
+    command_of,
+    estimate_of,
+    model_of,
+)
+from fault_tolerance.kernel.motions import Kinematics, size_of
+from fault_tolerance.kernel.workspace import vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import NEGLIGIBLE_RATE, OBSTACLE_BAND, SAME_COMMAND
 
@@ -40,6 +45,7 @@ def command(
     now: float,
     changed: bool,
     out: FloatArray,
+    work: FloatArray,
 ) -> None:
     """Write the rates that serve a task velocity (`CommandArrays`); see `kernel.law`.
 
@@ -61,49 +67,53 @@ def command(
         Whether the failures are not those of the last command.
     out : array
         Of `command_size`.
+    work : array
+        Of `workspace_size`.
     """
-    m = model_of(counts, numbers)
-    last, target = command_of(before.copy()), readings.copy()
-    e = estimate_of(m, estimated.copy())
-    kinematics = Kinematics(e.jacobian, e.mapping, e.follow, 0)
-    priority = prioritised(m.task, m.law, kinematics, asked_velocity(m.task, velocity))
+    work[0] = 1.0
+    m = model_of(counts, numbers, work)
+    last = command_of(copied(before, vector(work, len(before))))
+    e = estimate_of(m, copied(estimated, vector(work, len(estimated))))
+    n, target = len(readings), copied(readings, vector(work, len(readings)))
+    kinematics = Kinematics(e.motions, e.driving, 0)
+    asked = asked_velocity(m.task, velocity, vector(work, len(velocity)))
+    priority = prioritised(work, m.task, m.law, e.motions, asked)
     for i in range(len(out)):
         out[i] = 0.0
     result = command_of(out)
     facts = result.facts
     facts[at.MAJOR_JUMP], facts[at.RATE_JUMP] = last.facts[at.MAJOR_JUMP], last.facts[at.RATE_JUMP]
     facts[at.TIME], facts[at.UNDER_WAY] = now, last.facts[at.UNDER_WAY]
-    facts[at.COMMANDED_MOBILITY] = kinematics.mapping.shape[1]
-    facts[at.DRIVEN], facts[at.GAIN] = priority.driven, frobenius(kinematics.jacobian)
-    facts[at.TRANSMISSION] = 0.0
-    if len(priority.sigma) == len(m.task.major):
-        facts[at.TRANSMISSION] = priority.sigma[len(m.task.major) - 1]
+    facts[at.COMMANDED_MOBILITY], facts[at.DRIVEN] = len(e.motions), priority.driven
+    facts[at.GAIN] = size_of(e.motions, 0, 6)
+    if len(m.task.major) <= len(e.motions) and len(m.task.major) > 0:
+        facts[at.TRANSMISSION] = priority.found.sigma[len(m.task.major) - 1]
     margin = _margin(m, last, facts)
     if facts[at.OBSTACLE] != at.NO_OBSTACLE:
         return
     slowing = (margin - m.law.hold_below) / (m.law.slow_below - m.law.hold_below)
     slowing = min(max(slowing, 0.0), 1.0)
     facts[at.SLOWED] = 1.0 if slowing < 1.0 else 0.0
-    lower, upper = rate_bounds(m.drives, m.law.stroke_gain, target)
+    lower, upper = vector(work, n), vector(work, n)
+    rate_bounds(m.drives, m.law.stroke_gain, target, lower, upper)
     goal = limited(
-        m.drives.scale, kinematics.follow, priority.first, priority.second, lower, upper, slowing
+        work, m.drives.scale, e.motions, priority.first, priority.second, lower, upper, slowing
     )
-    reduced = combined(
-        goal.scale, priority.first, goal.scale * goal.share, priority.second
-    )
+    reduced = vector(work, len(e.motions))
+    combined(goal.scale, priority.first, goal.scale * goal.share, priority.second, reduced)
     facts[at.SCALE], facts[at.SECONDARY_SCALE] = goal.scale, goal.share
-    for j in range(len(target)):
-        result.saturated[j] = goal.saturated[j]
+    copied(goal.saturated, result.saturated)
     begins = changed or last.facts[at.MOVED] == 0.0
     begins = begins or last.facts[at.COMMANDED_MOBILITY] != facts[at.COMMANDED_MOBILITY]
     if isfinite(last.facts[at.TIME]) and (begins or last.facts[at.UNDER_WAY] != 0.0):
         facts[at.UNDER_WAY] = 1.0
-        if norm(scaled_rates(m.drives.scale, kinematics.follow, reduced, 1.0)) > 0.0:
-            reduced = _on_the_way(
-                m, kinematics, priority, reduced, lower, upper, last, result, begins
-            )
+        wanted = scaled_rates(m.drives.scale, e.motions, reduced, 1.0, vector(work, n))
+        if norm(wanted) > 0.0:
+            _ease(m, kinematics, priority, reduced, lower, upper, last, result, begins)
     facts[at.MOVED] = 1.0
-    _send(m, kinematics, reduced, result)
+    scaled_rates(m.drives.scale, e.motions, reduced, 1.0, result.rates)
+    for i in range(6):
+        result.twist[i] = along(e.motions, reduced, i) / m.task.scale[i]
 
 
 def _margin(m: Model, last: CommandArrays, facts: FloatArray) -> float:
@@ -126,39 +136,39 @@ def _margin(m: Model, last: CommandArrays, facts: FloatArray) -> float:
     return min(moves, held)
 
 
-def _on_the_way(
+def _ease(
     m: Model,
     kinematics: Kinematics,
     priority: Priority,
-    goal: FloatArray,
+    reduced: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
     last: CommandArrays,
     result: CommandArrays,
     begins: bool,
-) -> FloatArray:
-    """Return the reduced rates on the way to ``goal``, and write how far the transition is."""
-    facts = result.facts
+) -> None:
+    """Bring ``reduced`` rates back to what the transition allows, and write how far it is."""
+    facts, n, motions = result.facts, len(reduced), kinematics.motions
     allowed = m.law.max_acceleration * max(facts[at.TIME] - last.facts[at.TIME], 0.0)
-    reached, arrived = eased(
-        m.task, m.drives.scale, kinematics, priority, goal, last.rates, last.twist, allowed
-    )
-    jump = jump_between(m.task, m.drives.scale, kinematics, goal, last.rates, last.twist)
-    chosen = goal
+    reached = vector(m.work, n)
+    arrived = eased(m, kinematics, priority, reduced, last, allowed, reached)
+    jump = jump_between(m, motions, reduced, last.rates, last.twist)
     if not arrived:
-        major = np.zeros(len(goal))
+        major = vector(m.work, n)
+        for c in range(n):
+            major[c] = 0.0
         for k in range(priority.driven):
-            share = dot(priority.right[k], reached)
-            for c in range(len(major)):
-                major[c] += share * priority.right[k, c]
-        other = combined(1.0, reached, -1.0, major)
-        within = limited(m.drives.scale, kinematics.follow, major, other, lower, upper, 1.0)
-        reached = combined(within.scale, major, within.scale * within.share, other)
-        smaller = jump_between(m.task, m.drives.scale, kinematics, reached, last.rates, last.twist)
+            direction = priority.found.right[k]
+            combined(1.0, major, dot(direction, reached), direction, major)
+        other = combined(1.0, reached, -1.0, major, vector(m.work, n))
+        within = limited(m.work, m.drives.scale, motions, major, other, lower, upper, 1.0)
+        combined(within.scale, major, within.scale * within.share, other, reached)
+        smaller = jump_between(m, motions, reached, last.rates, last.twist)
         # Limits may have bent the way so that it jumps more than the goal: then it is no use.
-        nothing = NEGLIGIBLE_RATE * (norm(goal) + norm(reached))
+        nothing = NEGLIGIBLE_RATE * (norm(reduced) + norm(reached))
         if not (_exceeds(smaller[0], jump[0], nothing) or _exceeds(smaller[1], jump[1], nothing)):
-            chosen, jump = reached, smaller
+            copied(reached, reduced)
+            jump = smaller
             for j in range(len(within.saturated)):
                 result.saturated[j] = max(result.saturated[j], within.saturated[j])
         else:
@@ -166,17 +176,7 @@ def _on_the_way(
     facts[at.UNDER_WAY] = 0.0 if arrived else 1.0
     if begins or norm(last.rates) == 0.0:
         facts[at.MAJOR_JUMP], facts[at.RATE_JUMP] = jump[0], jump[1]
-    return chosen
 
 
 def _exceeds(one: float, other: float, nothing: float) -> bool:
     return one > (1.0 + SAME_COMMAND) * other + nothing
-
-
-def _send(m: Model, kinematics: Kinematics, reduced: FloatArray, result: CommandArrays) -> None:
-    """Write the rates and the twist of reduced rates (n,)."""
-    rates = scaled_rates(m.drives.scale, kinematics.follow, reduced, 1.0)
-    for j in range(len(rates)):
-        result.rates[j] = rates[j]
-    for i in range(6):
-        result.twist[i] = dot(kinematics.jacobian[i], reduced) / m.task.scale[i]

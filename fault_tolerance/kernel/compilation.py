@@ -10,7 +10,6 @@ the sources' digest: numba itself would not notice a change in a function that a
 
 from __future__ import annotations
 
-import dis
 import os
 import platform
 import sys
@@ -37,10 +36,11 @@ from fault_tolerance.kernel import (
     model,
     motions,
     placement,
+    workspace,
 )
 
 MODULES: tuple[ModuleType, ...] = (
-    factorisation, model, placement, elimination, motions, closing, margins, law,
+    workspace, factorisation, model, placement, elimination, motions, closing, margins, law,
     estimation, commanding, evidence,
 )
 """Every module of the kernel after those it imports."""
@@ -48,9 +48,8 @@ MODULES: tuple[ModuleType, ...] = (
 SWITCH = 'FAULT_TOLERANCE_KERNEL'
 """The environment variable that chooses the form: ``python`` or ``compiled`` (the default)."""
 
-
-SHORT = 120
-"""Bytes of bytecode; shorter functions are inlined."""
+SPINE = 4
+"""Calls to the lowest leaf from a function that is inlined, those for room included."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +75,7 @@ class Kernel:
 
 
 def python_kernel(reason: str = '') -> Kernel:
-    """Return the kernel as Python: about a hundred times slower, ready at once.
-
-    Parameters
-    ----------
-    reason : str
-        Why it is not compiled.
-    """
+    """Return the kernel as Python, ready at once, a hundred times slower; ``reason`` says why."""
     return Kernel(
         estimation.estimate, commanding.command, estimation.measures, evidence.advance, False,
         reason,
@@ -130,11 +123,11 @@ def compiled_kernel() -> Kernel:
     import numba
 
     njit: Any = numba.njit
-    inner = {'error_model': 'numpy', 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+    inner = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
     copies = {one: _copy(one) for module in MODULES for one in _functions(module)}
     inlined = _inlined(list(copies))
     made = {
-        one: njit(**inner, inline='always' if one in inlined else 'never')(copy)
+        one: njit(**inner, **_options(one), inline='always' if one in inlined else 'never')(copy)
         for one, copy in copies.items() if one not in _SIGNATURES
     }
     for copy in copies.values():
@@ -144,7 +137,7 @@ def compiled_kernel() -> Kernel:
         })
     kinds = _kinds(numba.types)
     estimate, command, measures, advance = (
-        _cached(numba, copies[one], tuple(kinds[kind] for kind in signature))
+        _cached(numba, copies[one], tuple(kinds[kind] for kind in signature.split()))
         for one, signature in _SIGNATURES.items()
     )
     return Kernel(estimate, command, measures, advance, True)
@@ -212,16 +205,12 @@ def _processor() -> str:
     return next((line for line in lines if line.startswith('model name')), platform.machine())
 
 
-_SIGNATURES: dict[Any, tuple[str, ...]] = {
-    estimation.estimate: ('counts', 'numbers', 'given', 'given', 'given', 'numbers'),
-    commanding.command: (
-        'counts', 'numbers', 'given', 'given', 'given', 'given', 'number', 'flag', 'numbers',
-    ),
-    estimation.measures: ('counts', 'numbers', 'given', 'numbers'),
-    evidence.advance: (
-        'given tables', 'given table', 'given', 'given table', 'given', 'given', 'given',
-        'given', 'table', 'numbers', 'numbers', 'numbers',
-    ),
+_SIGNATURES: dict[Any, str] = {
+    estimation.estimate: 'counts numbers given given given numbers numbers',
+    commanding.command: 'counts numbers given given given given number flag numbers numbers',
+    estimation.measures: 'counts numbers given numbers numbers',
+    evidence.advance: 'given3 given2 given given2 given given given given '
+                      'table numbers numbers numbers',
 }
 """What the entry points take. Compiled for these types at once, nothing is left for later."""
 
@@ -231,13 +220,18 @@ def _kinds(types: Any) -> dict[str, Any]:
     return {
         'counts': types.Array(types.int64, 1, 'C'),
         'numbers': types.Array(types.float64, 1, 'C'),
-        'given': types.Array(types.float64, 1, 'C', readonly=True),
         'table': types.Array(types.float64, 2, 'C'),
-        'given table': types.Array(types.float64, 2, 'C', readonly=True),
-        'given tables': types.Array(types.float64, 3, 'C', readonly=True),
+        'given': types.Array(types.float64, 1, 'C', readonly=True),
+        'given2': types.Array(types.float64, 2, 'C', readonly=True),
+        'given3': types.Array(types.float64, 3, 'C', readonly=True),
         'number': types.float64,
         'flag': types.boolean,
     }
+
+
+def _options(function: FunctionType) -> dict[str, Any]:
+    """Return what numba is told of a function: those with a workspace make no arrays."""
+    return {'error_model': 'numpy', '_nrt': function.__module__ == evidence.__name__}
 
 
 def _functions(module: ModuleType) -> list[FunctionType]:
@@ -249,19 +243,22 @@ def _functions(module: ModuleType) -> list[FunctionType]:
 
 
 def _inlined(functions: list[FunctionType]) -> set[FunctionType]:
-    """Return those that numba is to inline: called at one place only, or short.
+    """Return those that numba is to inline.
 
-    numba optimises a function anew, with all that it calls, in every function that calls it: this
-    saves time of compiling and of running.
+    numba optimises a function anew, with all that it calls, in every function that calls it. So
+    what lies between the entry points and the leaves, and has one caller, becomes part of that.
+    Parts of the workspace cannot be returned from a function.
     """
-    sites = Counter(
-        function.__globals__.get(each.argval)
-        for function in functions
-        for each in dis.get_instructions(function) if each.opname == 'LOAD_GLOBAL'
-    )
-    return {
-        one for one in functions if sites[one] == 1 or len(one.__code__.co_code) < SHORT
+    called = {
+        one: [one.__globals__.get(name) for name in one.__code__.co_names] for one in functions
     }
+    callers = Counter(other for others in called.values() for other in others)
+
+    def height(one: FunctionType) -> int:
+        return 1 + max((height(other) for other in called[one] if other in called), default=-1)
+
+    spine = {one for one in functions if callers[one] == 1 and height(one) >= SPINE}
+    return spine | set(_functions(workspace))
 
 
 def _copy(function: FunctionType) -> FunctionType:
@@ -285,7 +282,7 @@ def can_be_kept() -> bool:
 def _cached(numba: Any, function: FunctionType, signature: tuple[Any, ...]) -> Any:
     """Return ``function`` compiled for one signature, kept on disk where that can be written."""
     def made(*, cache: bool) -> Any:
-        return numba.njit([signature], error_model='numpy', cache=cache)(function)
+        return numba.njit([signature], cache=cache, **_options(function))(function)
 
     # numba would go on to other folders, which do not tell one state of the sources from another.
     if not can_be_kept():

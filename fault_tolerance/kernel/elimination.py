@@ -9,104 +9,87 @@ With the screws of a strut in columns, the passive ones first,
 
 the rows of Q^T beyond the rank of P say ``L V = L S_a q'_a``. Those within the rank of the whole
 tie the drives to the platform; the rest are structure, ``0 = G V`` (docs/theory.md, eq. 5-7).
-Pivoting makes it hold for any chain, singular or not.
+Pivoting makes it hold for any chain, singular or not. The results are parts of an estimate.
 """
 
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
 
-import numpy as np
-
-from fault_tolerance.kernel.factorisation import dot
-from fault_tolerance.kernel.model import Chains
+from fault_tolerance.kernel import model as at
+from fault_tolerance.kernel.factorisation import combined, copied, dot
+from fault_tolerance.kernel.model import EstimateArrays, Model
+from fault_tolerance.kernel.workspace import vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 
 
-class Elimination(NamedTuple):
-    """The factorised struts.
+def factorise(m: Model, e: EstimateArrays, screws: FloatArray) -> None:
+    """Write the struts of ``m`` factorised to ``e``.
 
-    ``q`` (s, 6, 6) is Q^T of each strut: passive range, then drive rows, then structure; ``r``
-    (s, k, 6) has the columns of R, ``order`` (s, k) the joints they belong to, ``ranks`` (s, 2)
-    the rank of the passive columns and what the drives add. ``rows`` (N, 6) give the rates of
-    the drives, ``q'_a = rows @ V``; ``spare`` (N, c) are motions of drives that leave the
-    platform at rest (drives in series, or at a singularity of their strut). ``regular``: there
-    are none, and the rows are well conditioned.
+    ``screws`` (s, k, 6) are scaled, v at the platform's origin.
     """
-
-    q: FloatArray
-    r: FloatArray
-    order: IntArray
-    ranks: IntArray
-    rows: FloatArray
-    spare: FloatArray
-    regular: bool
-
-
-def eliminated(chains: Chains, scale: FloatArray, screws: FloatArray) -> Elimination:
-    """Return ``chains`` factorised at ``screws`` (s, k, 6), scaled, v at the platform's origin.
-
-    ``scale`` (N,) is metres per unit of each actuator.
-    """
-    struts, most = chains.actuator.shape
-    q, r = np.zeros((struts, 6, 6)), np.zeros((struts, most, 6))
-    order, ranks = np.zeros((struts, most), np.int64), np.zeros((struts, 2), np.int64)
-    spare = 0
-    for s in range(struts):
+    mark, chains = m.work[0], m.chains
+    reflection = vector(m.work, 6)
+    for s in range(len(chains.joints)):
         passive, count = chains.passive[s], chains.joints[s]
-        total = _loaded(chains.actuator[s], count, passive, screws[s], order[s], r[s])
+        total = _load(chains.actuator[s], count, passive, screws[s], e.order[s], e.r[s])
         for i in range(6):
-            q[s, i, i] = 1.0
+            for j in range(6):
+                e.q[s, i, j] = 1.0 if i == j else 0.0
         least = RANK_TOLERANCE * sqrt(total)
-        rank = begin = ranks[s, 0]  # 0; numba would compile once more for a literal
+        rank = begin = 0
         for group in range(2):
             end = passive if group == 0 else count
-            last = _factorised(q[s], r[s], order[s], least, rank, begin, end, count)
-            ranks[s, group] = last - rank
+            last = _eliminate(
+                e.q[s], e.r[s], e.order[s], reflection, least, rank, begin, end, count
+            )
+            e.ranks[s, group] = last - rank
             rank, begin = last, end
-        spare += count - passive - ranks[s, 1]
-    return _with_drives(chains, scale, q, r, order, ranks, spare)
+    m.work[0] = mark
+    _solve_for_drives(m, e)
 
 
 def joint_rates(
-    chains: Chains, e: Elimination, failed: FloatArray, twists: FloatArray, rates: FloatArray
-) -> FloatArray:
-    """Return the rates (s, k) of all joints when the struts' tips have scaled ``twists`` (s, 6).
+    m: Model,
+    e: EstimateArrays,
+    failed: FloatArray,
+    twists: FloatArray,
+    rates: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the rates (s, k) of all joints when the struts' tips have scaled ``twists`` (s, 6).
 
-    ``e`` are the struts of ``chains``. The drives of attached ones have the ``rates`` (N,) given;
-    struts that ``failed`` (s + 2 N,) says are lost follow the platform as near as they reach,
-    drives and all.
+    ``e`` has the struts of ``m``, factorised. The drives of attached ones have the ``rates`` (N,)
+    given; struts that ``failed`` (s + 2 N,) says are lost follow the platform as near as they
+    reach, drives and all. To ``out``.
     """
-    result = np.zeros(chains.actuator.shape)
-    rest = np.empty(6)
+    mark, chains = m.work[0], m.chains
+    rest = vector(m.work, 6)
     for s in range(len(chains.joints)):
-        passive = chains.passive[s]
+        passive, within = chains.passive[s], int(e.ranks[s, 0])
+        whole = within + int(e.ranks[s, 1])
         for i in range(6):
             rest[i] = dot(e.q[s, i], twists[s])
         for place in range(chains.joints[s] - 1, -1, -1):
-            joint, rate = e.order[s, place], 0.0
+            joint, rate, row, column = int(e.order[s, place]), 0.0, place, e.r[s, place]
+            if place >= passive:
+                row = place - passive + within
             if place >= passive and failed[s] == 0.0:
                 rate = rates[chains.actuator[s, joint]]
-            else:
-                row, within = place, e.ranks[s, 0]
-                if place >= passive:
-                    row, within = place - passive + within, within + e.ranks[s, 1]
-                if row < within:
-                    rate = rest[row] / e.r[s, place, row]
-            result[s, joint] = rate
-            for i in range(6):
-                rest[i] -= e.r[s, place, i] * rate
-    return result
+            elif row < (whole if place >= passive else within):
+                rate = rest[row] / column[row]
+            out[s, joint] = rate
+            combined(1.0, rest, -rate, column, rest)
+    m.work[0] = mark
 
 
-def _loaded(
+def _load(
     actuator: IntArray,
     joints: int,
     last: int,
     screws: FloatArray,
-    order: IntArray,
+    order: FloatArray,
     r: FloatArray,
 ) -> float:
     """Write a strut's columns, the ``last`` passive ones first; return the sum of squares."""
@@ -125,10 +108,11 @@ def _loaded(
     return total
 
 
-def _factorised(
+def _eliminate(
     q: FloatArray,
     r: FloatArray,
-    order: IntArray,
+    order: FloatArray,
+    v: FloatArray,
     least: float,
     rank: int,
     begin: int,
@@ -137,10 +121,10 @@ def _factorised(
 ) -> int:
     """Eliminate the columns ``begin`` to ``end`` of one strut in place; return the rank then.
 
-    Householder reflections, the largest remaining column first; columns shorter than ``least``
-    count as zero. ``r`` has ``count`` columns, as rows; ``rank`` is that of those before.
+    Householder reflections ``v`` (6,), the largest remaining column first; columns shorter than
+    ``least`` count as zero. ``r`` has ``count`` columns, as rows; ``rank`` is that of those
+    before.
     """
-    v = np.zeros(6)
     place = begin
     while rank < 6 and place < end:
         best, largest = place, 0.0
@@ -181,39 +165,38 @@ def _factorised(
     return rank
 
 
-def _with_drives(
-    chains: Chains,
-    scale: FloatArray,
-    q: FloatArray,
-    r: FloatArray,
-    order: IntArray,
-    ranks: IntArray,
-    spare: int,
-) -> Elimination:
+def _solve_for_drives(m: Model, e: EstimateArrays) -> None:
     """Solve the drive rows of every strut for its drives, by back substitution."""
-    rows, free = np.zeros((len(scale), 6)), np.zeros((len(scale), spare))
-    least, most, column = np.inf, 0.0, 0
+    chains, scale, rows, spare, motions = m.chains, m.drives.scale, e.rows, e.spare, 0
     for s in range(len(chains.joints)):
-        passive, begin, end = chains.passive[s], ranks[s, 0], ranks[s, 0] + ranks[s, 1]
-        for place in range(passive + ranks[s, 1], chains.joints[s]):
-            free[chains.actuator[s, order[s, place]], column] = 1.0
-            column += 1
+        motions += chains.joints[s] - chains.passive[s] - int(e.ranks[s, 1])
+    for c in range(motions):
+        for j in range(len(scale)):
+            spare[c, j] = 0.0
+    least, most, motion = 1e300, 0.0, 0
+    for s in range(len(chains.joints)):
+        passive, begin, count = chains.passive[s], int(e.ranks[s, 0]), chains.joints[s]
+        actuator, order, r = chains.actuator[s], e.order[s], e.r[s]
+        end = begin + int(e.ranks[s, 1])
+        for place in range(passive + end - begin, count):
+            drive = actuator[int(order[place])]
+            spare[motion, drive] = 1.0
+            motion += 1
+            for i in range(6):
+                rows[drive, i] = 0.0
         for row in range(end - 1, begin - 1, -1):
             place = passive + row - begin
-            drive, pivot = chains.actuator[s, order[s, place]], r[s, place, row]
-            size = abs(pivot) / scale[drive]
+            drive, pivot = actuator[int(order[place])], r[place, row]
+            own, size = copied(e.q[s, row], rows[drive]), abs(pivot) / scale[drive]
             least, most = min(least, size), max(most, size)
+            for later in range(place + 1, count):
+                other, share = actuator[int(order[later])], r[later, row]
+                combined(1.0, own, -share, rows[other], own)
+                for c in range(motions):
+                    spare[c, drive] -= share * spare[c, other]
             for i in range(6):
-                rows[drive, i] = q[s, row, i]
-            for later in range(place + 1, chains.joints[s]):
-                other = chains.actuator[s, order[s, later]]
-                for i in range(6):
-                    rows[drive, i] -= r[s, later, row] * rows[other, i]
-                for i in range(spare):
-                    free[drive, i] -= r[s, later, row] * free[other, i]
-            for i in range(6):
-                rows[drive, i] /= pivot
-            for i in range(spare):
-                free[drive, i] /= pivot
-    regular = spare == 0 and least > WELL_CONDITIONED * most
-    return Elimination(q, r, order, ranks, rows, free, regular)
+                own[i] /= pivot
+            for c in range(motions):
+                spare[c, drive] /= pivot
+    e.facts[at.SPARE] = motions
+    e.facts[at.REGULAR] = 1.0 if motions == 0 and least > WELL_CONDITIONED * most else 0.0

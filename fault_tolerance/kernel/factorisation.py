@@ -1,23 +1,36 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Products and factorisations of small dense matrices, as plain loops.
+"""Products and the singular value decomposition of small dense matrices, as plain loops.
 
-LAPACK spends most of a call on a 4 x 6 matrix on its way to the work. All matrices here are
-C-contiguous float64 arrays, and every result is a new one.
+LAPACK spends most of a call on a 4 x 6 matrix on its way to the work. Sets of vectors are the
+rows of C-contiguous matrices, so that loops run along memory. What has a result of a size that
+the caller knows writes it to ``out``, and returns it.
 """
 
 from __future__ import annotations
 
 from math import sqrt
+from typing import NamedTuple
 
-import numpy as np
-
+from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import MACHINE_TOLERANCE, RANK_TOLERANCE
 
 MOST_SWEEPS = 40
 """Sweeps of Jacobi rotations; five to eight are usual, so this is never the end of it."""
+
+
+class Decomposition(NamedTuple):
+    """The singular value decomposition of a matrix M (r, c), largest singular value first.
+
+    ``left`` (c, r) and ``right`` (c, c) have the singular directions as rows, those of the null
+    space included; rows of ``left`` are zero where ``sigma`` (c,) is.
+    """
+
+    left: FloatArray
+    sigma: FloatArray
+    right: FloatArray
 
 
 def dot(a: FloatArray, b: FloatArray) -> float:
@@ -28,63 +41,51 @@ def dot(a: FloatArray, b: FloatArray) -> float:
     return total
 
 
-def norm(vector: FloatArray) -> float:
-    """Return the Euclidean norm of a ``vector`` (k,)."""
-    return sqrt(dot(vector, vector))
+def norm(a: FloatArray) -> float:
+    """Return the Euclidean norm of a vector ``a`` (k,)."""
+    return sqrt(dot(a, a))
 
 
-def frobenius(matrix: FloatArray) -> float:
-    """Return the Frobenius norm of a ``matrix`` (r, c)."""
-    total = 0.0
-    for i in range(matrix.shape[0]):
-        for j in range(matrix.shape[1]):
-            total += matrix[i, j] * matrix[i, j]
-    return sqrt(total)
+def copied(given: FloatArray, out: FloatArray) -> FloatArray:
+    """Write a ``given`` vector (k,) to ``out``; return that."""
+    for i in range(len(given)):
+        out[i] = given[i]
+    return out
 
 
-def combined(a: float, x: FloatArray, b: float, y: FloatArray) -> FloatArray:
-    """Return ``a x + b y`` of two vectors (k,)."""
-    result = np.empty(len(x))
+def combined(a: float, x: FloatArray, b: float, y: FloatArray, out: FloatArray) -> FloatArray:
+    """Write ``a x + b y`` of two vectors (k,) to ``out``; return that."""
     for i in range(len(x)):
-        result[i] = a * x[i] + b * y[i]
-    return result
+        out[i] = a * x[i] + b * y[i]
+    return out
 
 
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return ``a @ b`` (r, c) of matrices (r, k) and (k, c)."""
-    result = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for k in range(a.shape[1]):
-            factor = a[i, k]
-            for j in range(b.shape[1]):
-                result[i, j] += factor * b[k, j]
-    return result
+def along(rows: FloatArray, shares: FloatArray, column: int) -> float:
+    """Return one ``column`` of the sum of ``shares`` (k,) of ``rows`` (k, c)."""
+    total = 0.0
+    for k in range(len(shares)):
+        total += rows[k, column] * shares[k]
+    return total
 
 
-def rows_of(matrix: FloatArray, chosen: FloatArray) -> FloatArray:
-    """Return the rows of ``matrix`` (r, c) where ``chosen`` (r,) is not 0."""
-    count = 0
-    for i in range(len(chosen)):
-        if chosen[i] != 0.0:
-            count += 1
-    result = np.empty((count, matrix.shape[1]))
-    count = 0
-    for i in range(len(chosen)):
-        if chosen[i] != 0.0:
-            for j in range(matrix.shape[1]):
-                result[count, j] = matrix[i, j]
-            count += 1
-    return result
+def product(a: FloatArray, first: int, b: FloatArray, out: FloatArray) -> FloatArray:
+    """Write the rows of ``a @ b`` from the row ``first`` of ``a`` on to ``out``; return that."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
+        for k in range(b.shape[0]):
+            factor = a[first + i, k]
+            for j in range(out.shape[1]):
+                out[i, j] += factor * b[k, j]
+    return out
 
 
-def columns_from(right: FloatArray, first: int) -> FloatArray:
-    """Return the right singular directions ``right[first:]`` (rows) as columns (c, c - first)."""
-    count = right.shape[0]
-    result = np.empty((count, count - first))
-    for k in range(first, count):
-        for i in range(count):
-            result[i, k - first] = right[k, i]
-    return result
+def projected(a: FloatArray, directions: FloatArray, out: FloatArray) -> FloatArray:
+    """Write the components of the rows of ``a`` along the first ``directions``; return ``out``."""
+    for i in range(out.shape[0]):
+        for k in range(out.shape[1]):
+            out[i, k] = dot(a[i], directions[k])
+    return out
 
 
 def rank_of(sigma: FloatArray, scale: float) -> int:
@@ -98,43 +99,50 @@ def rank_of(sigma: FloatArray, scale: float) -> int:
 
 def largest_of(sigma: FloatArray) -> float:
     """Return the first of the singular values ``sigma`` (k,), 0 if there are none."""
-    if len(sigma) == 0:
-        return 0.0
-    return sigma[0]
+    return sigma[0] if len(sigma) > 0 else 0.0
 
 
-def svd(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return left (r, min(r, c)), sigma and right (c, c) of ``matrix`` (r, c), largest first.
+def decomposed(work: FloatArray, columns: FloatArray) -> Decomposition:
+    """Return the decomposition of a matrix with ``columns`` (c, r), which are left alone.
 
-    The rows of ``right`` include the null space; columns of ``left`` are zero where sigma is.
-    One-sided Jacobi (Hestenes 1958): columns are rotated in pairs until all are orthogonal. It is
-    as accurate as LAPACK, and more so for small singular values (Demmel and Veselic, SIAM J.
-    Matrix Anal. Appl. 13, 1992).
+    One-sided Jacobi (Hestenes 1958): the columns are rotated in pairs until all are orthogonal.
+    It is as accurate as LAPACK, and more so for small singular values (Demmel and Veselic, SIAM
+    J. Matrix Anal. Appl. 13, 1992). The results are parts of ``work``.
     """
-    rows, columns = matrix.shape
-    width = min(rows, columns)
-    # Row j of both is column j of the matrix: loops run along memory.
-    work, right = np.empty((columns, rows)), np.zeros((columns, columns))
-    total = 0.0
-    for j in range(columns):
-        right[j, j] = 1.0
-        for i in range(rows):
-            work[j, i] = matrix[i, j]
-            total += matrix[i, j] * matrix[i, j]
+    count, length = columns.shape
+    left, right = matrix(work, count, length), matrix(work, count, count)
+    sigma, total = vector(work, count), 0.0
+    for j in range(count):
+        for i in range(count):
+            right[j, i] = 1.0 if i == j else 0.0
+        for i in range(length):
+            left[j, i] = columns[j, i]
+            total += columns[j, i] * columns[j, i]
     for _ in range(MOST_SWEEPS):
-        if not _sweep(work, right, MACHINE_TOLERANCE**2 * total):
+        if not _sweep(left, right, MACHINE_TOLERANCE**2 * total):
             break
-    sizes = np.empty(columns)
-    for j in range(columns):
-        sizes[j] = norm(work[j])
-    _sort(sizes, work, right)
-    left, sigma = np.zeros((rows, width)), np.empty(width)
-    for j in range(width):
-        sigma[j] = sizes[j]
-        if sizes[j] > MACHINE_TOLERANCE * sqrt(total):
-            for i in range(rows):
-                left[i, j] = work[j, i] / sizes[j]
-    return left, sigma, right
+    for j in range(count):
+        sigma[j] = norm(left[j])
+    _sort(sigma, left, right)
+    for j in range(count):
+        factor = 1.0 / sigma[j] if sigma[j] > MACHINE_TOLERANCE * sqrt(total) else 0.0
+        combined(factor, left[j], 0.0, left[j], left[j])
+    return Decomposition(left, sigma, right)
+
+
+def solved(
+    found: Decomposition, rank: int, wanted: FloatArray, out: FloatArray
+) -> FloatArray:
+    """Write the shortest x (c,) with ``M x`` next to ``wanted`` (r,) to ``out``; return that.
+
+    M is what has been ``found``, ``rank`` singular values of it.
+    """
+    for i in range(len(out)):
+        out[i] = 0.0
+    left, sigma, right = found.left, found.sigma, found.right
+    for k in range(rank):
+        combined(1.0, out, dot(left[k], wanted) / sigma[k], right[k], out)
+    return out
 
 
 def _sweep(work: FloatArray, right: FloatArray, nothing: float) -> bool:
@@ -186,41 +194,15 @@ def _sort(sizes: FloatArray, work: FloatArray, right: FloatArray) -> None:
             _rotate_pair(right, j, largest, 0.0, -1.0)
 
 
-def singular_values(matrix: FloatArray) -> FloatArray:
-    """Return the singular values (min(r, c),) of ``matrix`` (r, c), largest first."""
-    _, sigma, _ = svd(matrix)
-    return sigma
-
-
-def pseudo_inverse(
-    left: FloatArray, sigma: FloatArray, right: FloatArray, rank: int
-) -> FloatArray:
-    """Return the pseudo-inverse (c, r) of ``left diag(sigma) right``, ``rank`` terms of it."""
-    result = np.zeros((right.shape[1], left.shape[0]))
-    for k in range(rank):
-        for i in range(right.shape[1]):
-            factor = right[k, i] / sigma[k]
-            for j in range(left.shape[0]):
-                result[i, j] += factor * left[j, k]
-    return result
-
-
-def orthonormalise(basis: FloatArray) -> None:
-    """Make the independent columns of ``basis`` (r, c) orthonormal, in place.
+def orthonormalise(rows: FloatArray) -> None:
+    """Make independent ``rows`` (r, c) orthonormal, in place.
 
     Gram-Schmidt twice, which is as good as Householder's (Giraud et al. 2005).
     """
-    for j in range(basis.shape[1]):
+    for j in range(len(rows)):
         for _ in range(2):
             for k in range(j):
-                share = 0.0
-                for i in range(len(basis)):
-                    share += basis[i, k] * basis[i, j]
-                for i in range(len(basis)):
-                    basis[i, j] -= share * basis[i, k]
-        size = 0.0
-        for i in range(len(basis)):
-            size += basis[i, j] * basis[i, j]
+                combined(1.0, rows[j], -dot(rows[k], rows[j]), rows[k], rows[j])
+        size = norm(rows[j])
         if size > 0.0:
-            for i in range(len(basis)):
-                basis[i, j] /= sqrt(size)
+            combined(1.0 / size, rows[j], 0.0, rows[j], rows[j])

@@ -28,21 +28,23 @@ from __future__ import annotations
 from math import isfinite, sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from fault_tolerance.kernel.factorisation import (
-    columns_from,
+    Decomposition,
+    along,
     combined,
+    copied,
+    decomposed,
     dot,
     largest_of,
     norm,
     product,
     rank_of,
-    svd,
+    solved,
 )
-from fault_tolerance.kernel.margins import task_rows
-from fault_tolerance.kernel.model import Drives, Law, TaskRows
+from fault_tolerance.kernel.margins import columns_of
+from fault_tolerance.kernel.model import CommandArrays, Drives, Law, Model, TaskRows
 from fault_tolerance.kernel.motions import Kinematics
+from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, SAME_COMMAND
 
@@ -51,15 +53,14 @@ class Priority(NamedTuple):
     """A task velocity resolved by priority.
 
     ``first`` and ``second`` (n,) are the parts of the reduced rates that serve the major and the
-    secondary task; ``major`` (m, n) is J_m, ``sigma`` its singular values (the transmissions) and
-    ``right`` its right directions, of which the first ``driven`` are driven.
+    secondary task; ``major`` (n, m) are the columns of J_m, which is decomposed in ``found``: its
+    singular values are the transmissions, and the first ``driven`` directions are driven.
     """
 
     first: FloatArray
     second: FloatArray
     major: FloatArray
-    sigma: FloatArray
-    right: FloatArray
+    found: Decomposition
     driven: int
 
 
@@ -74,96 +75,91 @@ class Within(NamedTuple):
     saturated: FloatArray
 
 
-def asked_velocity(task: TaskRows, velocity: FloatArray) -> FloatArray:
-    """Return a task ``velocity`` (l,) in metres per second, a huge one brought down."""
-    result, size = np.empty(len(velocity)), 0.0
+def asked_velocity(task: TaskRows, velocity: FloatArray, out: FloatArray) -> FloatArray:
+    """Write a ``task`` ``velocity`` (l,) in m/s, a huge one brought down; return ``out``."""
+    size = 0.0
     for i in range(len(velocity)):
         size = max(size, abs(velocity[i]))
     for i in range(len(velocity)):
         bounded = velocity[i]
         if size > LARGEST_SPEED:
             bounded = LARGEST_SPEED * (velocity[i] / size)
-        result[i] = task.scale[task.rows[i]] * bounded
-    return result
+        out[i] = task.scale[task.rows[i]] * bounded
+    return out
 
 
 def prioritised(
-    task: TaskRows, law: Law, kinematics: Kinematics, asked: FloatArray
+    work: FloatArray, task: TaskRows, law: Law, motions: FloatArray, asked: FloatArray
 ) -> Priority:
-    """Return the reduced rates of ``kinematics`` for a task velocity ``asked`` (l,): step 1.
+    """Return the reduced rates of ``motions`` for a task velocity ``asked`` (l,): step 1.
 
-    The velocity is of the ``task``, m/s; ``law`` says what is too poor to be driven.
+    The velocity is of the ``task``, m/s; ``law`` says what is too poor to be driven. The results
+    are parts of ``work``.
     """
-    n = kinematics.mapping.shape[1]
-    major = task_rows(task, kinematics.jacobian, task.major, False)
-    left, sigma, right = svd(major)
-    first, second = np.zeros(n), np.zeros(n)
-    driven = 0
-    for k in range(len(sigma)):
-        if sigma[k] > law.singular_below:
+    n, m, q = len(motions), len(task.major), len(task.secondary)
+    first, second, wanted, driven = vector(work, n), vector(work, n), vector(work, m), 0
+    major = columns_of(task, motions, task.major, False, matrix(work, n, m))
+    found = decomposed(work, major)
+    for c in range(n):
+        second[c] = 0.0
+        if found.sigma[c] > law.singular_below:
             driven += 1
-            share = 0.0
-            for i in range(len(task.major)):
-                share += left[i, k] * asked[task.major[i]]
-            for c in range(n):
-                first[c] += share / sigma[k] * right[k, c]
-    best = largest_of(sigma)
-    rank = rank_of(sigma, max(1.0, best))
-    if rank < n and len(task.secondary) > 0:
-        free = columns_from(right, rank)
-        rows = task_rows(task, kinematics.jacobian, task.secondary, False)
-        missing = np.empty(len(task.secondary))
-        for i in range(len(missing)):
-            missing[i] = asked[task.secondary[i]] - dot(rows[i], first)
-        least = max(law.singular_below, law.poor_below * best)
-        turned, gains, mixed = svd(product(rows, free))
-        for k in range(len(gains)):
-            if gains[k] > least:
-                share = 0.0
-                for i in range(len(missing)):
-                    share += turned[i, k] * missing[i]
-                share *= min(gains[k] / least - 1.0, 1.0) / gains[k]
-                for c in range(n):
-                    for d in range(free.shape[1]):
-                        second[c] += free[c, d] * mixed[k, d] * share
-    return Priority(first, second, major, sigma, right, driven)
+    for i in range(m):
+        wanted[i] = asked[task.major[i]]
+    solved(found, driven, wanted, first)
+    best = largest_of(found.sigma)
+    rank = rank_of(found.sigma, max(1.0, best))
+    if rank < n and q > 0:
+        columns = columns_of(task, motions, task.secondary, False, matrix(work, n, q))
+        least, missing = max(law.singular_below, law.poor_below * best), vector(work, q)
+        for i in range(q):
+            missing[i] = asked[task.secondary[i]] - along(columns, first, i)
+        free = product(found.right, rank, columns, matrix(work, n - rank, q))
+        other = decomposed(work, free)
+        for k in range(n - rank):
+            gain = other.sigma[k]
+            if gain > least:
+                share = dot(other.left[k], missing) * min(gain / least - 1.0, 1.0) / gain
+                for d in range(n - rank):
+                    part = share * other.right[k, d]
+                    combined(1.0, second, part, found.right[rank + d], second)
+    return Priority(first, second, major, found, driven)
 
 
 def rate_bounds(
-    drives: Drives, gain: float, values: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the bounds (N,) of ``drives`` at joint ``values`` (N,), NaN where there is none.
+    drives: Drives, gain: float, values: FloatArray, lower: FloatArray, upper: FloatArray
+) -> None:
+    """Write the bounds (N,) of ``drives`` at joint ``values`` (N,), NaN where there is none.
 
-    Towards an end of its stroke an actuator goes no faster than ``gain`` times the way
-    left, so it arrives without a jolt; beyond an end it may only come back (a velocity damper,
-    Faverjon and Tournassoud, ICRA 1987).
+    To ``lower`` and ``upper``. Towards an end of its stroke an actuator goes no faster than
+    ``gain`` times the way left, so it arrives without a jolt; beyond an end it may only come back
+    (a velocity damper, Faverjon and Tournassoud, ICRA 1987).
     """
-    lower, upper = np.empty(len(values)), np.empty(len(values))
     for j in range(len(values)):
         lower[j], upper[j] = -drives.speed[j], drives.speed[j]
         if isfinite(values[j]):
             lower[j] = -min(max(gain * (drives.low[j] + values[j]), 0.0), drives.speed[j])
             upper[j] = min(max(gain * (drives.high[j] - values[j]), 0.0), drives.speed[j])
-    return lower, upper
 
 
 def scaled_rates(
-    drives: FloatArray, follow: FloatArray, reduced: FloatArray, scale: float
+    drives: FloatArray, motions: FloatArray, reduced: FloatArray, scale: float, out: FloatArray
 ) -> FloatArray:
-    """Return the rates (N,) of all actuators, in their units, for ``scale * reduced`` (n,).
+    """Write the rates (N,) of all actuators, in their units, for ``scale * reduced`` (n,).
 
-    ``drives`` (N,) are metres per unit, ``follow`` (N, n) as in `Kinematics`.
+    ``drives`` (N,) are metres per unit, ``motions`` (n, 6 + N) those of the reduced rates. Returns
+    ``out``.
     """
-    rates = np.empty(len(drives))
-    for j in range(len(rates)):
+    for j in range(len(drives)):
         # Adding zero turns -0.0 into 0.0.
-        rates[j] = scale * dot(follow[j], reduced) / drives[j] + 0.0
-    return rates
+        out[j] = scale * along(motions, reduced, 6 + j) / drives[j] + 0.0
+    return out
 
 
 def limited(
+    work: FloatArray,
     drives: FloatArray,
-    follow: FloatArray,
+    motions: FloatArray,
     first: FloatArray,
     second: FloatArray,
     lower: FloatArray,
@@ -172,107 +168,101 @@ def limited(
 ) -> Within:
     """Return what is left of ``scale * (first + second)`` (n,) within bounds: step 3.
 
-    ``lower`` and ``upper`` (N,) bound the rates; ``drives`` and ``follow`` as in `scaled_rates`.
+    ``lower`` and ``upper`` (N,) bound the rates; ``drives`` and ``motions`` as in `scaled_rates`.
+    The result is part of ``work``.
     """
-    major = _without_rounding(scaled_rates(drives, follow, first, scale))
-    other = _without_rounding(scaled_rates(drives, follow, second, scale))
-    wanted = _without_rounding(combined(1.0, major, 1.0, other))
-    saturated, crossing = np.zeros(len(major)), False
-    for j in range(len(wanted)):
-        if wanted[j] < lower[j] or wanted[j] > upper[j]:
-            saturated[j], crossing = 1.0, True
+    n = len(drives)
+    major = scaled_rates(drives, motions, first, scale, vector(work, n))
+    other = scaled_rates(drives, motions, second, scale, vector(work, n))
+    _clear_rounding(major)
+    _clear_rounding(other)
+    wanted = combined(1.0, major, 1.0, other, vector(work, n))
+    _clear_rounding(wanted)
+    saturated, crossing = vector(work, n), False
+    for j in range(n):
+        saturated[j] = 1.0 if wanted[j] < lower[j] or wanted[j] > upper[j] else 0.0
+        crossing = crossing or saturated[j] != 0.0
     if not crossing:
         return Within(scale, 1.0, saturated)
     share = 1.0
-    for j in range(len(major)):
+    for j in range(n):
         if other[j] != 0.0:
             low, high = (lower[j] - major[j]) / other[j], (upper[j] - major[j]) / other[j]
             share = min(share, max(low, high))
     share = max(share, 0.0)
     excess = size = 0.0
-    for j in range(len(major)):
+    for j in range(n):
         rate = major[j] + share * other[j]
         excess = max(excess, lower[j] - rate, rate - upper[j])
         size = max(size, abs(rate))
     factor = 1.0
     if excess > NEGLIGIBLE_RATE * size:
         share = 0.0
-        for j in range(len(major)):
+        for j in range(n):
             bound = lower[j] if major[j] < 0.0 else upper[j]
             if abs(major[j]) > abs(bound):
                 factor = min(factor, bound / major[j])
     return Within(scale * factor, share, saturated)
 
 
-def _without_rounding(rates: FloatArray) -> FloatArray:
-    """Return rates (N,) with 0 for what is only rounding beside the largest."""
+def _clear_rounding(rates: FloatArray) -> None:
+    """Set to zero what is only rounding beside the largest of ``rates`` (N,)."""
     largest = 0.0
     for j in range(len(rates)):
         largest = max(largest, abs(rates[j]))
-    result = np.zeros(len(rates))
     for j in range(len(rates)):
-        if abs(rates[j]) > NEGLIGIBLE_RATE * largest:
-            result[j] = rates[j]
-    return result
+        if not abs(rates[j]) > NEGLIGIBLE_RATE * largest:
+            rates[j] = 0.0
 
 
 def jump_between(
-    task: TaskRows,
-    drives: FloatArray,
-    kinematics: Kinematics,
-    reduced: FloatArray,
-    sent: FloatArray,
-    twist: FloatArray,
+    m: Model, motions: FloatArray, reduced: FloatArray, sent: FloatArray, twist: FloatArray
 ) -> tuple[float, float]:
-    """Return by how much ``reduced`` rates (n,) jump, m/s: major ``task``, and norm of the drives.
+    """Return by how much ``reduced`` rates (n,) jump, m/s: major task, and norm of the drives.
 
-    They are of ``kinematics``; ``sent`` (N,) and ``twist`` (6,) are the last command, in true
-    units; ``drives`` (N,) are metres per unit.
+    They are of ``motions`` of ``m``; ``sent`` (N,) and ``twist`` (6,) are the last command, in
+    true units.
     """
     major = rates = 0.0
-    for i in range(len(task.major)):
-        row = task.rows[task.major[i]]
-        away = dot(kinematics.jacobian[row], reduced) - task.scale[row] * twist[row]
-        major += away * away
+    for i in range(len(m.task.major)):
+        row = m.task.rows[m.task.major[i]]
+        major += (along(motions, reduced, row) - m.task.scale[row] * twist[row]) ** 2
     for j in range(len(sent)):
-        away = dot(kinematics.follow[j], reduced) - drives[j] * sent[j]
-        rates += away * away
+        rates += (along(motions, reduced, 6 + j) - m.drives.scale[j] * sent[j]) ** 2
     return sqrt(major), sqrt(rates)
 
 
 def eased(
-    task: TaskRows,
-    drives: FloatArray,
-    kinematics: Kinematics,
+    m: Model,
+    k: Kinematics,
     priority: Priority,
     goal: FloatArray,
-    sent: FloatArray,
-    twist: FloatArray,
+    last: CommandArrays,
     allowed: float,
-) -> tuple[FloatArray, bool]:
-    """Return the reduced rates on the way to ``goal`` (n,), and whether they are it: step 4.
+    out: FloatArray,
+) -> bool:
+    """Write the reduced rates on the way to ``goal`` (n,); return whether they are it: step 4.
 
-    ``priority`` is what the ``task`` velocity has been resolved to by ``kinematics``; ``sent``
-    (N,) and ``twist`` (6,) are the last command, in true units, ``drives`` (N,) metres per unit.
-    By ``allowed`` (m/s) the drives' speed may differ from the start.
+    To ``out``. ``priority`` is what the task velocity has been resolved to by the kinematics
+    ``k``. By ``allowed`` (m/s) the drives' speed may differ from the start, which is next to the
+    ``last`` command.
     """
-    start = np.zeros(len(goal))
-    for j in range(len(sent)):
-        for c in range(len(start)):
-            start[c] += kinematics.mapping[j, c] * drives[j] * sent[j]
-    missing = np.empty(len(task.major))
+    n, work = len(goal), m.work
+    start, missing = vector(work, n), vector(work, len(m.task.major))
+    sent, scale, motions, driving = last.rates, m.drives.scale, k.motions, k.driving
+    for c in range(n):
+        start[c] = 0.0
+        for j in range(len(sent)):
+            start[c] += driving[j] * motions[c, 6 + j] * scale[j] * sent[j]
     for i in range(len(missing)):
-        row = task.rows[task.major[i]]
-        missing[i] = task.scale[row] * twist[row] - dot(priority.major[i], start)
-    for k in range(priority.driven):
-        # The left direction times its singular value is J_m times the right one.
-        share = 0.0
-        for i in range(len(missing)):
-            share += dot(priority.major[i], priority.right[k]) * missing[i]
-        for c in range(len(start)):
-            start[c] += share / priority.sigma[k] ** 2 * priority.right[k, c]
-    way = combined(1.0, goal, -1.0, start)
+        row = m.task.rows[m.task.major[i]]
+        missing[i] = m.task.scale[row] * last.twist[row] - along(priority.major, start, i)
+    nearest = solved(priority.found, priority.driven, missing, vector(work, n))
+    combined(1.0, start, 1.0, nearest, start)
+    way = combined(1.0, goal, -1.0, start, vector(work, n))
     distance = norm(way)
     if distance <= allowed + SAME_COMMAND * max(norm(goal), norm(start)):
-        return goal, True
-    return combined(1.0, start, allowed / distance, way), False
+        copied(goal, out)
+        return True
+    combined(1.0, start, allowed / distance, way, out)
+    return False

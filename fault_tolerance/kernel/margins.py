@@ -5,43 +5,28 @@
 
 from __future__ import annotations
 
+from math import inf, nan
 from typing import NamedTuple
 
-import numpy as np
-
-from fault_tolerance.kernel.elimination import Elimination
 from fault_tolerance.kernel.factorisation import (
-    columns_from,
+    copied,
+    decomposed,
     largest_of,
     product,
+    projected,
     rank_of,
-    rows_of,
-    singular_values,
-    svd,
 )
-from fault_tolerance.kernel.model import Model, TaskRows
+from fault_tolerance.kernel.model import EstimateArrays, Model, TaskRows
 from fault_tolerance.kernel.motions import (
     Kinematics,
-    Structure,
-    allowed_motions,
-    holds,
+    any_of,
     kept_constraints,
-    kinematics_with,
+    kinematics_of,
+    rates_of,
     structure_of,
 )
+from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-
-
-class Failed(NamedTuple):
-    """Failures by kind, 1 where they hold: struts lost (s,), actuators (N,) stuck and free.
-
-    ``driving`` (N,) are those that still drive: attached, not stuck, not free.
-    """
-
-    lost: FloatArray
-    stuck: FloatArray
-    free: FloatArray
-    driving: FloatArray
 
 
 class Measures(NamedTuple):
@@ -58,22 +43,20 @@ class Measures(NamedTuple):
     motion: float
 
 
-def failed_parts(m: Model, failed: FloatArray) -> Failed:
-    """Return what ``failed`` (s + 2 N,) in ``m``, by kind."""
-    s, n = len(m.chains.joints), len(m.chains.strut)
-    driving = np.zeros(n)
-    for j in range(n):
-        if holds(m.chains.strut, failed, j) and failed[s + j] == 0.0 and failed[s + n + j] == 0.0:
-            driving[j] = 1.0
-    return Failed(failed[:s], failed[s : s + n], failed[s + n :], driving)
+class Kinds(NamedTuple):
+    """Kinematics as one kind of failure comes after the other (docs/theory.md, section 5).
 
+    ``nominal`` without any, ``locked`` with the stuck set, ``freed`` with the free set as well,
+    ``present`` with all. ``weakest`` is the smallest singular value of the constraints of all
+    struts that is not absorbed, ``weakest_left`` of those not lost.
+    """
 
-def any_of(flags: FloatArray) -> bool:
-    """Return whether any of ``flags`` (k,) is set."""
-    for i in range(len(flags)):
-        if flags[i] != 0.0:
-            return True
-    return False
+    nominal: Kinematics
+    locked: Kinematics
+    freed: Kinematics
+    present: Kinematics
+    weakest: float
+    weakest_left: float
 
 
 def manipulability(sigma: FloatArray, order: int, scale: float) -> float:
@@ -91,144 +74,176 @@ def manipulability(sigma: FloatArray, order: int, scale: float) -> float:
     return result
 
 
-def task_rows(
-    task: TaskRows, jacobian: FloatArray, which: IntArray, measured: bool
+def columns_of(
+    task: TaskRows, motions: FloatArray, which: IntArray, measured: bool, out: FloatArray
 ) -> FloatArray:
-    """Return rows ``which`` (q,) of the ``task``'s Jacobian from a scaled ``jacobian`` (6, n).
+    """Write the columns (n, q) of ``which`` (q,) rows of J, of n ``motions``; return ``out``.
 
-    In metres, or if ``measured`` in the metric of the measures.
+    ``which`` are coordinates of the ``task``; in metres, or if ``measured`` in the metric of the
+    measures.
     """
-    result = np.empty((len(which), jacobian.shape[1]))
     for i in range(len(which)):
         row = task.rows[which[i]]
         factor = task.measure[which[i]] / task.scale[row] if measured else 1.0
-        for c in range(jacobian.shape[1]):
-            result[i, c] = factor * jacobian[row, c]
-    return result
+        for c in range(len(motions)):
+            out[c, i] = factor * motions[c, row]
+    return out
 
 
 def position_measure(
-    major: FloatArray, sigma: FloatArray, mapping: FloatArray, stuck: FloatArray
+    work: FloatArray,
+    major: FloatArray,
+    sigma: FloatArray,
+    motions: FloatArray,
+    stuck: FloatArray,
 ) -> float:
     """Return p of ``stuck`` (N,) drives: ``w_m(J_m N) / w_m(J_m)``, N = null(T_F) (eq. 14).
 
-    ``major`` (m, n) is J_m with singular values ``sigma``, ``mapping`` (N, n) is T.
+    ``major`` (n, m) are the columns of J_m, ``sigma`` its singular values; ``motions`` have T, and
+    ``work`` is room.
     """
-    scale = largest_of(sigma)
-    before = manipulability(sigma, len(major), scale)
+    mark, scale, order = work[0], largest_of(sigma), major.shape[1]
+    before = manipulability(sigma, order, scale)
     if before == 0.0:
         return 0.0
-    _, held, right = svd(rows_of(mapping, stuck))
-    left = singular_values(product(major, columns_from(right, rank_of(held, 1.0))))
-    return manipulability(left, len(major), scale) / before
+    rates = rates_of(motions, stuck, matrix(work, len(motions), len(stuck)))
+    held = decomposed(work, rates)
+    rank = rank_of(held.sigma, 1.0)
+    left = matrix(work, len(motions) - rank, order)
+    found = decomposed(work, product(held.right, rank, major, left))
+    work[0] = mark
+    return manipulability(found.sigma, order, scale) / before
 
 
-def torque_measure(locked: Kinematics, free: FloatArray) -> float:
-    """Return t of ``free`` (N,) drives after ``locked``: w_n of the rows of T left (eq. 15)."""
-    remaining = np.empty(len(free))
+def torque_measure(work: FloatArray, locked: Kinematics, free: FloatArray) -> float:
+    """Return t of ``free`` (N,) drives after ``locked``: w_n of the rows of T left (eq. 15).
+
+    ``work`` is room for it.
+    """
+    mark, remaining = work[0], vector(work, len(free))
     for j in range(len(free)):
-        remaining[j] = 1.0 - free[j]
-    sigma = singular_values(rows_of(locked.mapping, remaining))
-    return manipulability(sigma, locked.mapping.shape[1], 1.0)
+        remaining[j] = locked.driving[j] * (1.0 - free[j])
+    rates = matrix(work, len(locked.motions), len(free))
+    found = decomposed(work, rates_of(locked.motions, remaining, rates))
+    work[0] = mark
+    return manipulability(found.sigma, len(locked.motions), 1.0)
 
 
-def hard_measure(task: TaskRows, before: Kinematics, after: Kinematics) -> float:
+def hard_measure(m: Model, before: Kinematics, after: Kinematics) -> float:
     """Return h of struts lost between ``before`` and ``after``: ``w_r(J) / w_r(P J^)`` (eq. 16).
 
-    r is the rank of J, the rows of the ``task``, and P the projection on its range.
+    r is the rank of J, the rows of the task of ``m``, and P the projection on its range.
     """
     if after.drifting > 0:
         return 0.0
-    every = np.arange(len(task.rows))
-    basis, sigma, _ = svd(task_rows(task, before.jacobian, every, True))
-    order = rank_of(sigma, largest_of(sigma))
-    projection = np.empty((order, len(every)))
-    for k in range(order):
-        for i in range(len(every)):
-            projection[k, i] = basis[i, k]
-    found = singular_values(product(projection, task_rows(task, after.jacobian, every, True)))
-    left = manipulability(found, order, largest_of(found))
+    work, mark, every = m.work, m.work[0], m.task.every
+    columns = matrix(work, len(before.motions), len(every))
+    whole = decomposed(work, columns_of(m.task, before.motions, every, True, columns))
+    order = rank_of(whole.sigma, largest_of(whole.sigma))
+    columns = matrix(work, len(after.motions), len(every))
+    columns_of(m.task, after.motions, every, True, columns)
+    along = projected(columns, whole.left, matrix(work, len(columns), order))
+    found = decomposed(work, along)
+    work[0] = mark
+    left = manipulability(found.sigma, order, largest_of(found.sigma))
     if left == 0.0:
         return 0.0
-    return manipulability(sigma, order, largest_of(sigma)) / left
+    return manipulability(whole.sigma, order, largest_of(whole.sigma)) / left
 
 
-def kinematics_of(
-    m: Model, struts: Elimination, structure: Structure, failed: FloatArray, compliance: float
-) -> Kinematics:
-    """Return J and T with what has ``failed`` (s + 2 N,) in ``m``.
+def kinds_of(m: Model, e: EstimateArrays, failed: FloatArray, compliance: float) -> Kinds:
+    """Return J and T of ``m`` as what has ``failed`` (s + 2 N,) comes kind by kind.
 
-    ``struts`` are factorised, ``structure`` is what those not lost bar, and ``compliance`` absorbs
-    some of it.
+    The struts are factorised in ``e``, ``compliance`` absorbs some of what they bar.
     """
-    kept, parts = kept_constraints(structure.sigma, compliance), failed_parts(m, failed)
-    twists, rates = allowed_motions(m, struts, failed, structure, kept)
-    return kinematics_with(twists, rates, parts.stuck, parts.driving)
+    s, n = len(m.chains.joints), len(m.drives.scale)
+    flags, weakest, weakest_left = vector(m.work, len(failed)), inf, inf
+    for i in range(len(flags)):
+        flags[i] = 0.0
+    for kind in range(4):
+        first, end, changed = s + n * (kind - 1), s + n * kind, kind == 0
+        if kind == 3:
+            first, end = 0, s
+        for i in range(max(first, 0), end if kind > 0 else 0):
+            flags[i] = failed[i]
+            changed = changed or failed[i] != 0.0
+        if changed:
+            if kind == 0 or kind == 3:
+                structure = structure_of(m, e, flags)
+                kept = kept_constraints(structure.found.sigma, compliance)
+                weakest_left = structure.found.sigma[kept - 1] if kept > 0 else inf
+            found = kinematics_of(m, e, structure, flags, compliance)
+        if kind == 0:
+            nominal, weakest = found, weakest_left
+        elif kind == 1:
+            locked = found
+        elif kind == 2:
+            freed = found
+    return Kinds(nominal, locked, freed, found, weakest, weakest_left)
 
 
-def present_measures(
-    m: Model,
-    struts: Elimination,
-    whole: Structure,
-    failed: FloatArray,
-    compliance: float,
-    nominal: Kinematics,
-    present: Kinematics,
-) -> Measures:
-    """Return what ``failed`` (s + 2 N,) has cost ``m`` between ``nominal`` and ``present``.
-
-    ``struts`` are factorised, ``whole`` is what all of them bar, less what ``compliance`` absorbs.
-    """
-    parts, count = failed_parts(m, failed), len(m.chains.joints)
-    stuck, free, lost = any_of(parts.stuck), any_of(parts.free), any_of(parts.lost)
-    locked = freed = nominal
-    flags = np.zeros(len(failed))
-    for kind in range(2):  # the stuck set alone, then with the free set
-        first = count + kind * len(parts.stuck)
-        for j in range(len(parts.stuck)):
-            flags[first + j] = failed[first + j]
-        if (free or lost) if kind == 0 else lost:
-            freed = kinematics_of(m, struts, whole, flags, compliance)
-            locked = freed if kind == 0 else locked
-    major = task_rows(m.task, nominal.jacobian, m.task.major, True)
-    before = singular_values(major)
-    position = position_measure(major, before, nominal.mapping, parts.stuck) if stuck else 1.0
-    torque = torque_measure(locked, parts.free) if free else 1.0
-    hard = hard_measure(m.task, freed, present) if lost else 1.0
-    after = singular_values(task_rows(m.task, present.jacobian, m.task.major, True))
-    order, motion = len(m.task.major), position
-    size = manipulability(before, order, largest_of(before))
-    if free or lost:
-        motion = manipulability(after, order, largest_of(after)) / size if size > 0.0 else 0.0
+def present_measures(m: Model, failed: FloatArray, kinds: Kinds) -> Measures:
+    """Return what that which has ``failed`` (s + 2 N,) in ``m`` has cost, by its ``kinds``."""
+    s, n, work, order = len(m.chains.joints), len(m.drives.scale), m.work, len(m.task.major)
+    mark, stuck, free = work[0], failed[s : s + n], failed[s + n :]
+    nominal, present = kinds.nominal.motions, kinds.present.motions
+    major, left = matrix(work, len(nominal), order), matrix(work, len(present), order)
+    before = decomposed(work, columns_of(m.task, nominal, m.task.major, True, major)).sigma
+    position = torque = hard = 1.0
+    if any_of(stuck):
+        position = position_measure(work, major, before, nominal, stuck)
+    motion = position
+    if any_of(free):
+        torque = torque_measure(work, kinds.locked, free)
+    if any_of(failed[:s]):
+        hard = hard_measure(m, kinds.freed, kinds.present)
+    if any_of(free) or any_of(failed[:s]):
+        size = manipulability(before, order, largest_of(before))
+        after = decomposed(work, columns_of(m.task, present, m.task.major, True, left)).sigma
+        motion = manipulability(after, order, largest_of(after))
+        motion = motion / size if size > 0.0 else 0.0
+    work[0] = mark
     return Measures(position, torque, hard, motion)
 
 
 def next_measures(
-    m: Model, struts: Elimination, failed: FloatArray, compliance: float, present: Kinematics
-) -> FloatArray:
-    """Return p (N,), t (N,) and h (s,) of every single further failure, one after the other.
+    m: Model,
+    e: EstimateArrays,
+    failed: FloatArray,
+    compliance: float,
+    present: Kinematics,
+    out: FloatArray,
+) -> None:
+    """Write p (N,), t (N,) and h (s,) of every single further failure to ``out``.
 
     The ``present`` system, with what has ``failed`` (s + 2 N,) in ``m``, is taken as nominal; NaN
-    for what has failed already. ``struts`` are factorised, ``compliance`` absorbs constraints.
+    for what has failed already. The struts are factorised in ``e``, ``compliance`` absorbs
+    constraints.
     """
-    n, count = len(m.chains.strut), len(m.chains.joints)
-    parts, result = failed_parts(m, failed), np.full(2 * n + count, np.nan)
-    major = task_rows(m.task, present.jacobian, m.task.major, True)
-    sigma = singular_values(major)
+    s, n, work = len(m.chains.joints), len(m.drives.scale), m.work
+    one, further = vector(work, n), vector(work, len(failed))
+    major = matrix(work, len(present.motions), len(m.task.major))
+    columns_of(m.task, present.motions, m.task.major, True, major)
+    sigma = decomposed(work, major).sigma
     for j in range(n):
-        if parts.driving[j] != 0.0:
-            one = np.zeros(n)
+        one[j] = 0.0
+    for j in range(n):
+        out[j] = out[n + j] = nan
+        if present.driving[j] != 0.0:
             one[j] = 1.0
-            result[j] = position_measure(major, sigma, present.mapping, one)
-            result[n + j] = torque_measure(present, one)
-    for s in range(count):
-        if failed[s] == 0.0:
-            further = failed.copy()
-            further[s] = 1.0
+            out[j] = position_measure(work, major, sigma, present.motions, one)
+            out[n + j] = torque_measure(work, present, one)
+            one[j] = 0.0
+    mark = work[0]
+    for lost in range(s):
+        out[2 * n + lost] = nan
+        if failed[lost] == 0.0:
+            copied(failed, further)
+            further[lost] = 1.0
             for j in range(n):
-                if m.chains.strut[j] == s:
-                    further[count + j] = further[count + n + j] = 0.0
-            structure = structure_of(struts, further)
-            after = kinematics_of(m, struts, structure, further, compliance)
-            result[2 * n + s] = hard_measure(m.task, present, after)
-    return result
+                if m.chains.strut[j] == lost:
+                    further[s + j] = further[s + n + j] = 0.0
+            structure = structure_of(m, e, further)
+            after = kinematics_of(m, e, structure, further, compliance)
+            out[2 * n + lost] = hard_measure(m, present, after)
+            work[0] = mark

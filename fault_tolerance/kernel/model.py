@@ -6,6 +6,9 @@
 A compiled function takes a few flat arrays in a microsecond and a structure of forty arrays in
 thirty. So each of model, estimate and command is one array of numbers; `model_of`, `estimate_of`
 and `command_of` give its parts names, in compiled code and in Python alike.
+
+A *motion* is a row of 6 + N numbers: the platform's twist and the rates of all actuators that go
+along with it, scaled to metres per second.
 """
 
 from __future__ import annotations
@@ -16,6 +19,10 @@ from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 
 SIZES, SCALARS = 6, 13
 """How many sizes, and single numbers, are at the head of a model."""
+
+COUNTED, NUMBERED, ESTIMATED = 8, 10, 15
+"""How many places are noted after the sizes: where parts of ``counts``, ``numbers`` and of an
+estimate begin, and the last one ends."""
 
 
 class Chains(NamedTuple):
@@ -54,14 +61,15 @@ class Drives(NamedTuple):
 class TaskRows(NamedTuple):
     """What the platform is for.
 
-    ``rows`` (l,) of a twist are the task; ``major`` (m,) and ``secondary`` (l - m,) are rows of
-    the task. ``scale`` (6,) is metres per unit of a twist, ``measure`` (l,) the metric in which
-    the measures p, t and h compare task coordinates.
+    ``rows`` (l,) of a twist are the task; ``major`` (m,), ``secondary`` (l - m,) and ``every``
+    (l,) are rows of the task. ``scale`` (6,) is metres per unit of a twist, ``measure`` (l,) the
+    metric in which the measures p, t and h compare task coordinates.
     """
 
     rows: IntArray
     major: IntArray
     secondary: IntArray
+    every: IntArray
     scale: FloatArray
     measure: FloatArray
 
@@ -107,68 +115,53 @@ class Law(NamedTuple):
 class Model(NamedTuple):
     """A mechanism and the settings of its controller: what does not change between two steps.
 
-    ``given_twists`` (6, n) and ``given_rates`` (N, n) are all motions, scaled, of a mechanism
-    given by its Jacobian; they have no columns elsewhere.
+    ``given`` (n, 6 + N) are all motions of a mechanism given by its Jacobian; it has no rows
+    elsewhere. ``places`` are where the parts of an estimate begin, ``work`` is the workspace.
     """
 
     chains: Chains
     drives: Drives
     task: TaskRows
     law: Law
-    given_twists: FloatArray
-    given_rates: FloatArray
+    given: FloatArray
+    places: IntArray
+    work: FloatArray
 
 
-def model_of(counts: IntArray, numbers: FloatArray) -> Model:
+def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     """Return the parts of a model packed by `fault_tolerance.kernel.packing`.
 
-    ``counts`` begins with the sizes s, k, N, l, m and n, ``numbers`` with the characteristic
-    length and `Law`.
+    ``counts`` begins with the sizes s, k, N, l, m and n, and the places of all parts; ``numbers``
+    with the characteristic length and `Law`; ``work`` is a workspace.
     """
-    s, k, n = counts[0], counts[1], counts[2]
-    task, major, given = counts[3], counts[4], counts[5]
-    a = SIZES + s
-    b = a + s
-    c = b + s * k
-    d = c + n
-    e = d + n
-    f = e + task
-    y = f + major
-    g = SCALARS + 6 * s * k
-    h = g + 3
-    i = h + n
-    j = i + 6
-    o = j + task
-    p = o + n
-    q = p + n
-    r = q + n
-    t = r + 6 * given
+    s, k, n, major, given = counts[0], counts[1], counts[2], counts[4], counts[5]
+    a, b = SIZES + COUNTED, SIZES + COUNTED + NUMBERED
+    c, p, v = counts[SIZES:a], counts[a:b], numbers
     chains = Chains(
-        counts[SIZES:a], counts[a:b], counts[b:c].reshape((s, k)), counts[c:d], counts[d:e],
-        numbers[SCALARS:g].reshape((s, k, 6)), numbers[g:h], numbers[0],
+        counts[c[0] : c[1]], counts[c[1] : c[2]], counts[c[2] : c[3]].reshape((s, k)),
+        counts[c[3] : c[4]], counts[c[4] : c[5]],
+        v[p[0] : p[1]].reshape((s, k, 6)), v[p[1] : p[2]], v[0],
+    )
+    every = counts[c[6] : c[7]]
+    task = TaskRows(
+        counts[c[5] : c[6]], every[:major], every[major:], every, v[p[3] : p[4]], v[p[4] : p[5]]
     )
     law = Law(
-        numbers[1], numbers[2], numbers[3], numbers[4], numbers[5], numbers[6], numbers[7],
-        numbers[8], numbers[9], numbers[10], numbers[11], numbers[12],
+        v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12]
     )
-    return Model(
-        chains,
-        Drives(numbers[h:i], numbers[o:p], numbers[p:q], numbers[q:r]),
-        TaskRows(counts[e:f], counts[f:y], counts[y:], numbers[i:j], numbers[j:o]),
-        law,
-        numbers[r:t].reshape((6, given)),
-        numbers[t:].reshape((n, given)),
-    )
+    drives = Drives(v[p[2] : p[3]], v[p[5] : p[6]], v[p[6] : p[7]], v[p[7] : p[8]])
+    motions = v[p[8] : p[9]].reshape((given, 6 + n))
+    return Model(chains, drives, task, law, motions, counts[b : b + ESTIMATED], work)
 
 
-FACTS = 19
+FACTS = 20
 """Numbers at the head of an estimate; the places below are theirs."""
 
 LOCATED, CLOSED, CONTRADICTORY, STEPS = 0, 1, 2, 3
 OUTSIDE, STRAIN, MISFIT = 4, 5, 6
 COMPLIANCE, MOBILITY, DRIFTING, NOMINAL_FREEDOM, FREEDOM = 7, 8, 9, 10, 11
 VERDICT, MAJOR_RANK = 12, 13
-POSITION, TORQUE, HARD, MOTION, REGULAR = 14, 15, 16, 17, 18
+POSITION, TORQUE, HARD, MOTION, REGULAR, SPARE = 14, 15, 16, 17, 18, 19
 
 TOLERATED, DRIFTS, MAJOR_LOST, BELOW_THRESHOLD = 0, 1, 2, 3
 """Verdicts on the failures present."""
@@ -178,16 +171,26 @@ class EstimateArrays(NamedTuple):
     """Where the mechanism is and what its failures leave of it, scaled to metres.
 
     ``facts`` (FACTS,) are single numbers, by the places above; ``failed`` (s + 2 N,) is 1 for
-    every strut lost, actuator stuck, and actuator free. ``pose`` (4, 4) is the platform frame in
-    base axes; ``values`` (s, k) are all joint values, ``actuators`` (N,) those of the actuators;
-    ``openings`` (s, 6) are what is open between struts and platform. ``q``, ``r``, ``order``,
-    ``ranks`` and ``rows`` are the factorised struts, with which the next estimate begins.
-    ``jacobian`` (6, n) is the twist, ``mapping`` (N, n) the driven actuators' rates (orthonormal
-    columns) per unit reduced rate, ``follow`` (N, n) the same with what free ones do.
+    every strut lost, actuator stuck, and actuator free, ``driving`` (N,) for the actuators that
+    still drive. ``pose`` (4, 4) is the platform frame in base axes; ``values`` (s, k) are all
+    joint values, ``actuators`` (N,) those of the actuators; ``openings`` (s, 6) are what is open
+    between struts and platform.
+
+    The factorised struts (`fault_tolerance.kernel.elimination`): ``q`` (s, 6, 6) is Q^T of each,
+    passive range, then drive rows, then structure; ``r`` (s, k, 6) has the columns of R, ``order``
+    (s, k) the joints they belong to, ``ranks`` (s, 2) the rank of the passive columns and what
+    the drives add. ``rows`` (N, 6) give the rates of the drives, ``q'_a = rows @ V``; the first
+    ``facts[SPARE]`` rows of ``spare`` (N, N) are motions of drives that leave the platform at
+    rest (drives in series, or at a singularity of their strut). ``facts[REGULAR]``: there are
+    none, and the rows are well conditioned.
+
+    ``motions`` (n, 6 + N) are those that the drives control, one for each reduced rate; the rates
+    of the driving actuators are orthonormal.
     """
 
     facts: FloatArray
     failed: FloatArray
+    driving: FloatArray
     pose: FloatArray
     values: FloatArray
     actuators: FloatArray
@@ -197,48 +200,50 @@ class EstimateArrays(NamedTuple):
     order: FloatArray
     ranks: FloatArray
     rows: FloatArray
-    jacobian: FloatArray
-    mapping: FloatArray
-    follow: FloatArray
+    spare: FloatArray
+    motions: FloatArray
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """J, (6, n): the platform's twist per unit reduced rate."""
+        return self.motions[:, :6].T
+
+    @property
+    def follow(self) -> FloatArray:
+        """Rates of all actuators per unit reduced rate, (N, n); free ones go along."""
+        return self.motions[:, 6:].T
+
+    @property
+    def mapping(self) -> FloatArray:
+        """T, (N, n): the same of the driving actuators, zero elsewhere."""
+        return self.follow * self.driving[:, None]
 
 
-def estimate_size(s: int, k: int, n: int) -> int:
-    """Return how many numbers an estimate has: ``s`` struts of ``k`` joints, ``n`` actuators."""
-    fixed = FACTS + (s + 2 * n) + 16 + s * k + n
-    return fixed + 6 * s + 36 * s + 6 * s * k + s * k + 2 * s + 6 * n + (6 + 2 * n) * n
+def estimate_sizes(s: int, k: int, n: int) -> list[int]:
+    """Return the sizes of an estimate's parts: ``s`` struts of ``k`` joints, ``n`` actuators."""
+    place = [s + 2 * n, n, 16, s * k, n, 6 * s]
+    return [FACTS, *place, 36 * s, 6 * s * k, s * k, 2 * s, 6 * n, n * n, n * (6 + n)]
 
 
 def estimate_of(m: Model, numbers: FloatArray) -> EstimateArrays:
     """Return the named parts of an estimate of ``m`` with its ``numbers``."""
     s, k = m.chains.actuator.shape
-    n, width = len(m.drives.scale), int(numbers[MOBILITY])
-    a = FACTS + s + 2 * n
-    b = a + 16
-    c = b + s * k
-    d = c + n
-    e = d + 6 * s
-    f = e + 36 * s
-    g = f + 6 * s * k
-    h = g + s * k
-    i = h + 2 * s
-    j = i + 6 * n
-    o = j + 6 * n
-    p = o + n * n
+    n, p, v, width = len(m.drives.scale), m.places, numbers, int(numbers[MOBILITY])
     return EstimateArrays(
-        numbers[:FACTS],
-        numbers[FACTS:a],
-        numbers[a:b].reshape((4, 4)),
-        numbers[b:c].reshape((s, k)),
-        numbers[c:d],
-        numbers[d:e].reshape((s, 6)),
-        numbers[e:f].reshape((s, 6, 6)),
-        numbers[f:g].reshape((s, k, 6)),
-        numbers[g:h].reshape((s, k)),
-        numbers[h:i].reshape((s, 2)),
-        numbers[i:j].reshape((n, 6)),
-        numbers[j : j + 6 * width].reshape((6, width)),
-        numbers[o : o + n * width].reshape((n, width)),
-        numbers[p : p + n * width].reshape((n, width)),
+        v[: p[1]],
+        v[p[1] : p[2]],
+        v[p[2] : p[3]],
+        v[p[3] : p[4]].reshape((4, 4)),
+        v[p[4] : p[5]].reshape((s, k)),
+        v[p[5] : p[6]],
+        v[p[6] : p[7]].reshape((s, 6)),
+        v[p[7] : p[8]].reshape((s, 6, 6)),
+        v[p[8] : p[9]].reshape((s, k, 6)),
+        v[p[9] : p[10]].reshape((s, k)),
+        v[p[10] : p[11]].reshape((s, 2)),
+        v[p[11] : p[12]].reshape((n, 6)),
+        v[p[12] : p[13]].reshape((n, n)),
+        v[p[13] : p[13] + width * (6 + n)].reshape((width, 6 + n)),
     )
 
 

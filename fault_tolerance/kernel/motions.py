@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The motions that the struts allow, and what drives make of them (Theorem 1).
+"""The motions that the struts allow, and those that the drives control (Theorem 1).
 
 Everything is scaled: twists and rates are in metres per second. A failure is a move of rows
 (docs/theory.md, section 2): a stuck drive bars the motions in which it moves, a free one no longer
@@ -10,52 +10,48 @@ counts among those that T is made of, a lost strut's rows are not there.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
-import numpy as np
-
-from fault_tolerance.kernel.elimination import Elimination
+from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.factorisation import (
-    columns_from,
+    Decomposition,
+    combined,
+    copied,
+    decomposed,
     dot,
-    frobenius,
     largest_of,
     orthonormalise,
     product,
     rank_of,
-    rows_of,
-    svd,
 )
-from fault_tolerance.kernel.model import Model
+from fault_tolerance.kernel.model import EstimateArrays, Model
+from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, ROUNDING_TOLERANCE
 
 
 class Structure(NamedTuple):
-    """The structural rows (g, 6) of the attached struts, decomposed.
+    """The g structural rows of the attached struts, decomposed.
 
-    ``owner`` (g,) is the strut of each; ``left``, ``sigma`` and ``right`` are their singular
-    value decomposition, all six right directions included.
+    ``columns`` (6, g) are the columns of these rows, ``owner`` (g,) the strut of each; ``found``
+    is their decomposition.
     """
 
-    rows: FloatArray
-    owner: IntArray
-    left: FloatArray
-    sigma: FloatArray
-    right: FloatArray
+    columns: FloatArray
+    owner: FloatArray
+    found: Decomposition
 
 
 class Kinematics(NamedTuple):
-    """J and T in some state of failure, scaled.
+    """J and T in some state of failure.
 
-    ``jacobian`` (6, n) is the twist and ``mapping`` (N, n) the drives' rates per unit reduced
-    rate, the latter with orthonormal columns; ``follow`` (N, n) is the same with the rows of
-    free actuators; ``drifting`` counts the platform's motions with every drive at rest.
+    ``motions`` (n, 6 + N), one for each reduced rate, and ``driving`` (N,) are as in an estimate;
+    ``drifting`` counts the platform's motions with every drive at rest.
     """
 
-    jacobian: FloatArray
-    mapping: FloatArray
-    follow: FloatArray
+    motions: FloatArray
+    driving: FloatArray
     drifting: int
 
 
@@ -64,22 +60,31 @@ def holds(strut: IntArray, failed: FloatArray, j: int) -> bool:
     return strut[j] < 0 or failed[strut[j]] == 0.0
 
 
-def structure_of(e: Elimination, failed: FloatArray) -> Structure:
-    """Return what those struts ``e`` bar that have not ``failed`` (s + 2 N,)."""
+def drives_left(m: Model, failed: FloatArray, out: FloatArray) -> FloatArray:
+    """Write 1 for actuators (N,) of ``m`` that drive with what has ``failed``; return ``out``."""
+    s, n = len(m.chains.joints), len(out)
+    strut = m.chains.strut
+    for j in range(n):
+        gone = failed[s + j] + failed[s + n + j]
+        out[j] = 1.0 if gone == 0.0 and holds(strut, failed, j) else 0.0
+    return out
+
+
+def structure_of(m: Model, e: EstimateArrays, failed: FloatArray) -> Structure:
+    """Return what those struts of ``m``, factorised in ``e``, bar that have not ``failed``."""
     count = 0
     for s in range(len(e.ranks)):
         if failed[s] == 0.0:
-            count += 6 - e.ranks[s, 0] - e.ranks[s, 1]
-    rows, owner, place = np.empty((count, 6)), np.empty(count, np.int64), 0
+            count += 6 - int(e.ranks[s, 0] + e.ranks[s, 1])
+    columns, owner, place = matrix(m.work, 6, count), vector(m.work, count), 0
     for s in range(len(e.ranks)):
         if failed[s] == 0.0:
-            for i in range(e.ranks[s, 0] + e.ranks[s, 1], 6):
+            for i in range(int(e.ranks[s, 0] + e.ranks[s, 1]), 6):
                 for j in range(6):
-                    rows[place, j] = e.q[s, i, j]
+                    columns[j, place] = e.q[s, i, j]
                 owner[place] = s
                 place += 1
-    left, sigma, right = svd(rows)
-    return Structure(rows, owner, left, sigma, right)
+    return Structure(columns, owner, decomposed(m.work, columns))
 
 
 def kept_constraints(sigma: FloatArray, compliance: float) -> int:
@@ -91,124 +96,164 @@ def kept_constraints(sigma: FloatArray, compliance: float) -> int:
     return count
 
 
-def allowed_motions(
-    m: Model, e: Elimination, failed: FloatArray, structure: Structure, kept: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return a basis, twists (6, w) and rates (N, w), of all motions the rows allow.
+def freedom_of(m: Model, e: EstimateArrays, failed: FloatArray, kept: int) -> int:
+    """Return how many motions ``kept`` constraints leave, those of drives alone included.
 
-    Of ``m`` with its struts ``e``. No drive is locked yet, and ``kept`` constraints of the
-    ``structure`` count. The twists are orthonormal where the platform determines every drive;
-    elsewhere the columns of twists and rates together are. Rates in struts that ``failed`` (s + 2
-    N,) says are lost are zero.
+    Of ``m`` with its struts factorised in ``e``, without those that ``failed`` says are lost.
     """
     if len(m.chains.joints) == 0:
-        return m.given_twists.copy(), m.given_rates.copy()
-    free = columns_from(structure.right, kept)
-    width = free.shape[1]
-    spare = np.zeros(e.spare.shape[1], np.int64)
-    total = width
-    for c in range(len(spare)):
-        spare[c] = -1
-        for j in range(len(m.chains.strut)):
-            if e.spare[j, c] != 0.0 and holds(m.chains.strut, failed, j):
-                spare[c] = total
-        if spare[c] >= 0:
-            total += 1
-    twists, rates = np.zeros((6, total)), np.zeros((len(m.chains.strut), total))
-    for i in range(6):
-        for c in range(width):
-            twists[i, c] = free[i, c]
-    for j in range(len(m.chains.strut)):
-        if not holds(m.chains.strut, failed, j):
-            continue
-        for c in range(width):
-            rate = 0.0
-            for i in range(6):
-                rate += e.rows[j, i] * free[i, c]
-            rates[j, c] = m.drives.scale[j] * rate
-        for c in range(len(spare)):
-            if spare[c] >= 0:
-                rates[j, spare[c]] = m.drives.scale[j] * e.spare[j, c]
-    if not e.regular:
-        _orthonormalise_together(twists, rates)
-    return twists, rates
+        return len(m.given)
+    count = 6 - kept
+    for c in range(int(e.facts[at.SPARE])):
+        if _moves_any(m, e.spare[c], failed):
+            count += 1
+    return count
 
 
-def _orthonormalise_together(twists: FloatArray, rates: FloatArray) -> None:
-    """Make the columns of ``[twists; rates]`` orthonormal, in place."""
-    above = len(twists)
-    basis = np.empty((above + len(rates), twists.shape[1]))
-    for c in range(twists.shape[1]):
-        for i in range(above):
-            basis[i, c] = twists[i, c]
-        for i in range(len(rates)):
-            basis[above + i, c] = rates[i, c]
-    orthonormalise(basis)
-    for c in range(twists.shape[1]):
-        for i in range(above):
-            twists[i, c] = basis[i, c]
-        for i in range(len(rates)):
-            rates[i, c] = basis[above + i, c]
+def allowed_motions(
+    m: Model,
+    e: EstimateArrays,
+    failed: FloatArray,
+    structure: Structure,
+    kept: int,
+    out: FloatArray,
+) -> FloatArray:
+    """Write a basis (w, 6 + N) of all motions that the rows allow, no drive locked yet.
 
-
-def kinematics_with(
-    twists: FloatArray, rates: FloatArray, stuck: FloatArray, driving: FloatArray
-) -> Kinematics:
-    """Return J and T with some drives stuck and some not driving (docs/theory.md, eq. 8-10).
-
-    ``twists`` (6, w) and ``rates`` (N, w) are all motions; ``stuck`` and ``driving`` (N,) are 1
-    for the actuators that are stuck, and for those that still drive.
+    To ``out``, of ``m`` with its struts factorised in ``e``; ``kept`` constraints of the
+    ``structure`` count, which leave the `freedom_of` w. The twists are orthonormal where the
+    platform determines every drive; elsewhere the motions are. Rates in struts that have
+    ``failed`` are zero. Returns ``out``.
     """
+    if len(m.chains.joints) == 0:
+        for c in range(len(out)):
+            copied(m.given[c], out[c])
+        return out
+    scale, strut, rows, place = m.drives.scale, m.chains.strut, e.rows, 6 - kept
+    for c in range(place):
+        free = structure.found.right[kept + c]
+        copied(free, out[c])
+        for j in range(len(strut)):
+            out[c, 6 + j] = scale[j] * dot(rows[j], free) if holds(strut, failed, j) else 0.0
+    for c in range(int(e.facts[at.SPARE])):
+        spare = e.spare[c]
+        if _moves_any(m, spare, failed):
+            for i in range(6):
+                out[place, i] = 0.0
+            for j in range(len(strut)):
+                out[place, 6 + j] = scale[j] * spare[j] if holds(strut, failed, j) else 0.0
+            place += 1
+    if e.facts[at.REGULAR] == 0.0:
+        orthonormalise(out)
+    return out
+
+
+def _moves_any(m: Model, spare: FloatArray, failed: FloatArray) -> bool:
+    """Return whether a ``spare`` motion (N,) moves a drive of a strut that has not ``failed``."""
+    for j in range(len(spare)):
+        if spare[j] != 0.0 and holds(m.chains.strut, failed, j):
+            return True
+    return False
+
+
+def rates_of(motions: FloatArray, chosen: FloatArray, out: FloatArray) -> FloatArray:
+    """Write rates (w, N) of the ``chosen`` (N,) in ``motions``, 0 of others; return ``out``."""
+    for c in range(len(motions)):
+        for j in range(len(chosen)):
+            out[c, j] = motions[c, 6 + j] if chosen[j] != 0.0 else 0.0
+    return out
+
+
+def twists_of(motions: FloatArray, out: FloatArray) -> FloatArray:
+    """Write the twists (w, 6) of ``motions``; return ``out``."""
+    for c in range(len(motions)):
+        for i in range(6):
+            out[c, i] = motions[c, i]
+    return out
+
+
+def size_of(rows: FloatArray, begin: int, end: int) -> float:
+    """Return the norm of all that stands in columns ``begin`` to ``end`` of ``rows``."""
+    total = 0.0
+    for c in range(len(rows)):
+        for i in range(begin, end):
+            total += rows[c, i] * rows[c, i]
+    return sqrt(total)
+
+
+def controlled(
+    work: FloatArray, motions: FloatArray, stuck: FloatArray, driving: FloatArray
+) -> Kinematics:
+    """Return the motions that some drives control, with some stuck (docs/theory.md, eq. 8-10).
+
+    All ``motions`` (w, 6 + N) allowed are changed in place; ``stuck`` and ``driving`` (N,) are 1
+    for the actuators that are stuck, and for those that still drive. The result is part of
+    ``work``.
+    """
+    n = len(driving)
     # Motions are unit vectors in metres per second. Rates are small or not beside that, so that
     # a drive which does not move at all is not mistaken for a slow one.
-    scale = max(1.0, frobenius(rates))
-    locked = rows_of(rates, stuck)
-    if len(locked):
-        _, sigma, right = svd(locked)
-        unlocked = columns_from(right, rank_of(sigma, scale))
-        twists, rates = product(twists, unlocked), product(rates, unlocked)
-        for j in range(len(rates)):
-            if stuck[j] != 0.0:
-                for c in range(rates.shape[1]):
-                    rates[j, c] = 0.0
-    left, sigma, right = svd(rows_of(rates, driving))
-    rank, drifting = rank_of(sigma, scale), 0
-    if rank < twists.shape[1]:
-        _, drift, _ = svd(product(twists, columns_from(right, rank)))
-        drifting = rank_of(drift, 1.0)
+    scale = max(1.0, size_of(motions, 6, 6 + n))
+    if any_of(stuck):
+        locked = decomposed(work, rates_of(motions, stuck, matrix(work, len(motions), n)))
+        rank = rank_of(locked.sigma, scale)
+        left = matrix(work, len(motions) - rank, 6 + n)
+        motions = product(locked.right, rank, motions, left)
+        for c in range(len(motions)):
+            for j in range(n):
+                motions[c, 6 + j] *= 1.0 - stuck[j]
+    rates, drifting = matrix(work, len(motions), n), 0
+    found = decomposed(work, rates_of(motions, driving, rates))
+    rank = rank_of(found.sigma, scale)
+    if rank < len(motions):
+        free = product(found.right, rank, motions, matrix(work, len(motions) - rank, 6 + n))
+        drift = decomposed(work, twists_of(free, matrix(work, len(free), 6)))
+        drifting = rank_of(drift.sigma, 1.0)
         # What the drives do not determine is chosen as the shortest motion.
-        twists, rates = twists.copy(), rates.copy()
-        _orthonormalise_together(twists, rates)
-        left, sigma, right = svd(rows_of(rates, driving))
-    return _reduced(twists, rates, driving, left, sigma, right, rank, drifting)
-
-
-def _reduced(
-    twists: FloatArray,
-    rates: FloatArray,
-    driving: FloatArray,
-    left: FloatArray,
-    sigma: FloatArray,
-    right: FloatArray,
-    rank: int,
-    drifting: int,
-) -> Kinematics:
-    """Return the motions per reduced rate: the drives' own rates become orthonormal."""
-    per_rate = np.empty((twists.shape[1], rank))
+        orthonormalise(motions)
+        found = decomposed(work, rates_of(motions, driving, rates))
+    result = product(found.right, 0, motions, matrix(work, rank, 6 + n))
+    left, sigma = found.left, found.sigma
     for k in range(rank):
-        for c in range(twists.shape[1]):
-            per_rate[c, k] = right[k, c] / sigma[k]
-    jacobian, follow = product(twists, per_rate), product(rates, per_rate)
-    mapping, place = np.zeros((len(rates), rank)), 0
-    for j in range(len(rates)):
-        if driving[j] != 0.0:
-            for k in range(rank):
-                mapping[j, k] = follow[j, k] = left[place, k]
-            place += 1
-    # A coordinate that the drives do not move holds rounding errors only: zero.
-    least = ROUNDING_TOLERANCE**2 * max(float(rank), frobenius(jacobian) ** 2)
-    for i in range(len(jacobian)):
-        if dot(jacobian[i], jacobian[i]) <= least:
-            for k in range(rank):
-                jacobian[i, k] = 0.0
-    return Kinematics(jacobian, mapping, follow, drifting)
+        combined(1.0 / sigma[k], result[k], 0.0, result[k], result[k])
+        for j in range(n):
+            if driving[j] != 0.0:
+                result[k, 6 + j] = left[k, j]
+    _clear_rounding(result)
+    return Kinematics(result, driving, drifting)
+
+
+def any_of(flags: FloatArray) -> bool:
+    """Return whether any of ``flags`` (k,) is set."""
+    for i in range(len(flags)):
+        if flags[i] != 0.0:
+            return True
+    return False
+
+
+def _clear_rounding(motions: FloatArray) -> None:
+    """Set coordinates of the platform to zero that ``motions`` leave at rest but for rounding."""
+    least = ROUNDING_TOLERANCE * max(sqrt(len(motions)), size_of(motions, 0, 6))
+    for i in range(6):
+        if size_of(motions, i, i + 1) <= least:
+            for c in range(len(motions)):
+                motions[c, i] = 0.0
+
+
+def kinematics_of(
+    m: Model, e: EstimateArrays, structure: Structure, failed: FloatArray, compliance: float
+) -> Kinematics:
+    """Return J and T of ``m`` with what has ``failed`` (s + 2 N,).
+
+    The struts are factorised in ``e``, ``structure`` is what those not lost bar, and
+    ``compliance`` absorbs some of it.
+    """
+    s, n = len(m.chains.joints), len(m.drives.scale)
+    kept = kept_constraints(structure.found.sigma, compliance)
+    motions = matrix(m.work, freedom_of(m, e, failed, kept), 6 + n)
+    return controlled(
+        m.work,
+        allowed_motions(m, e, failed, structure, kept, motions),
+        failed[s : s + n],
+        drives_left(m, failed, vector(m.work, n)),
+    )

@@ -9,7 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fault_tolerance.kernel.model import Law, Model, model_of
+from fault_tolerance.kernel.model import (
+    COUNTED,
+    ESTIMATED,
+    NUMBERED,
+    SCALARS,
+    SIZES,
+    Law,
+    Model,
+    estimate_sizes,
+    model_of,
+)
+from fault_tolerance.kernel.workspace import workspace_size
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.description import Mechanism
@@ -24,17 +35,23 @@ class PackedModel:
     """The arrays of a model, ``counts`` and ``numbers``, see `model_of`.
 
     ``measured`` are the same numbers with drives and task in their own units: for the measures p,
-    t and h as the paper defines them.
+    t and h as the paper defines them. ``work`` is the workspace of the functions that take them.
     """
 
     counts: IntArray
     numbers: FloatArray
     measured: FloatArray
+    work: FloatArray
 
     @property
     def view(self) -> Model:
         """The parts by name."""
-        return model_of(self.counts, self.numbers)
+        return model_of(self.counts, self.numbers, self.work)
+
+    @property
+    def size(self) -> int:
+        """How many numbers an estimate has."""
+        return int(self.view.places[-1])
 
 
 def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
@@ -48,22 +65,21 @@ def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
     if point is None:
         chains = chains_of(mechanism)
         joints, actuator, screws = chains.real.sum(axis=1), chains.actuator, chains.screws
-        places, passive = chains.places, (chains.real & (actuator < 0)).sum(axis=1)
-        twists, rates = np.zeros((6, 0)), np.zeros((n, 0))
+        found, passive = chains.places, (chains.real & (actuator < 0)).sum(axis=1)
+        twists, rates = np.zeros((0, 6)), np.zeros((0, n))
     else:
         joints = passive = np.zeros(0, np.intp)
         actuator, screws = np.zeros((0, 0), np.intp), np.zeros((0, 0, 6))
-        places = np.full(n, -1), np.full(n, -1)
-        twists = np.zeros((6, point.mapping.shape[1]))
-        twists[task.rows] = scale[task.rows, None] * point.jacobian
-        rates = mechanism.rate_scale[:, None] * point.mapping
+        found = np.full(n, -1), np.full(n, -1)
+        twists = np.zeros((point.mapping.shape[1], 6))
+        twists[:, task.rows] = scale[task.rows] * point.jacobian.T
+        rates = mechanism.rate_scale * point.mapping.T
     # Where all drives count alike, the measures depend on their units no more than on a factor.
     measure_scale = scale[task.rows] if np.ptp(mechanism.rate_scale) else np.ones(len(task.rows))
-    counts = np.concatenate([
-        [*actuator.shape, n, len(task.rows), len(task.major_rows), rates.shape[1]],
-        joints, passive, actuator.ravel(), *places,
-        task.rows, task.major_rows, task.secondary_rows,
-    ]).astype(np.int64)
+    counted = (
+        joints, passive, actuator, *found, task.rows,
+        np.concatenate([task.major_rows, task.secondary_rows]),
+    )
     compliance = mechanism.compliance
     closing = max(min(CLOSING_BAND * compliance, MOST_COMPLIANCE), compliance)
     law = law._replace(
@@ -73,16 +89,28 @@ def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
     low, high = mechanism.position_limits.T
     speed = np.minimum(mechanism.velocity_limits, LARGEST_RATE)
 
-    def numbers(rate_scale: FloatArray, measured: FloatArray, rates: FloatArray) -> FloatArray:
-        parts = (
-            scalars, screws, mechanism.origin, rate_scale, scale, measured, speed, -low, high,
-            twists, rates,
-        )
-        return np.concatenate([np.ravel(part) for part in parts]).astype(np.float64)
+    def parts(rate_scale: FloatArray, measured: FloatArray) -> list[FloatArray]:
+        motions = np.hstack([twists, rates / (mechanism.rate_scale / rate_scale)])
+        return [screws, mechanism.origin, rate_scale, scale, measured, speed, -low, high, motions]
 
-    true = rates / mechanism.rate_scale[:, None]
+    scaled = parts(mechanism.rate_scale, measure_scale)
+    s, k = actuator.shape
+    sizes = [s, k, n, len(task.rows), len(task.major_rows), len(rates)]
+    first = SIZES + COUNTED + NUMBERED + ESTIMATED
+    places = np.concatenate([
+        sizes, _places(first, [np.size(one) for one in counted]),
+        _places(SCALARS, [np.size(one) for one in scaled]),
+        _places(0, estimate_sizes(s, k, n)),
+    ])
+    true = parts(np.ones(n), np.ones(len(task.rows)))
     return PackedModel(
-        counts,
-        numbers(mechanism.rate_scale, measure_scale, rates),
-        numbers(np.ones(n), np.ones(len(task.rows)), true),
+        np.concatenate([places, *map(np.ravel, counted)]).astype(np.int64),
+        np.concatenate([scalars, *map(np.ravel, scaled)]),
+        np.concatenate([scalars, *map(np.ravel, true)]),
+        np.empty(workspace_size(s, k, n, len(task.rows))),
     )
+
+
+def _places(begin: int, sizes: list[int]) -> IntArray:
+    """Return where parts of these sizes begin, one after the other, and where the last ends."""
+    return np.cumsum([begin, *sizes])

@@ -10,45 +10,43 @@ from __future__ import annotations
 
 from math import atan2, sin, sqrt
 
-import numpy as np
-
-from fault_tolerance.kernel.model import Chains
+from fault_tolerance.kernel.model import EstimateArrays, Model
+from fault_tolerance.kernel.workspace import matrix
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import HALF_TURN, NO_ANGLE, SERIES_ANGLE
 
 
-def placed_struts(
-    chains: Chains, pose: FloatArray, values: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return all joint screws (s, k, 6) and openings (s, 6), scaled (Murray et al. 1994, eq. 3.2).
+def place_struts(m: Model, e: EstimateArrays, screws: FloatArray) -> None:
+    """Write joint screws and openings at the pose and joint values (Murray et al. 1994, eq. 3.2).
 
-    Of ``chains``. Screws are in base axes, v at the platform's origin; an opening is the
-    displacement from a strut's tip to the ``pose`` (4, 4) of the platform. Joint ``values`` (s, k)
-    are from home.
+    All joint ``screws`` (s, k, 6) of ``m``, scaled, in base axes, v at the platform's origin; and
+    the openings of ``e``, the displacements from the struts' tips to the platform.
     """
-    screws, openings = np.zeros(chains.screws.shape), np.empty((len(chains.joints), 6))
-    tip = np.empty((3, 4))
+    mark, chains = m.work[0], m.chains
+    tip, turn = matrix(m.work, 3, 4), matrix(m.work, 3, 3)
     for s in range(len(chains.joints)):
         for i in range(3):
             for j in range(4):
                 tip[i, j] = 1.0 if i == j else 0.0
         for j in range(chains.joints[s]):
-            _joint_screw(chains.screws[s, j], pose, tip, chains.length, screws[s, j])
-            _advance(tip, chains.screws[s, j], values[s, j])
+            _joint_screw(chains.screws[s, j], e.pose, tip, chains.length, screws[s, j])
+            _advance(tip, chains.screws[s, j], e.values[s, j])
         x, y, z = _rotated(tip, chains.origin[0], chains.origin[1], chains.origin[2])
-        openings[s, 3] = pose[0, 3] - tip[0, 3] - x
-        openings[s, 4] = pose[1, 3] - tip[1, 3] - y
-        openings[s, 5] = pose[2, 3] - tip[2, 3] - z
-        _rotation_between(pose, tip, chains.length, openings[s])
-    return screws, openings
+        e.openings[s, 3] = e.pose[0, 3] - tip[0, 3] - x
+        e.openings[s, 4] = e.pose[1, 3] - tip[1, 3] - y
+        e.openings[s, 5] = e.pose[2, 3] - tip[2, 3] - z
+        _rotation_between(e.pose, tip, chains.length, turn, e.openings[s])
+    m.work[0] = mark
 
 
-def displaced_pose(pose: FloatArray, twist: FloatArray, length: float) -> FloatArray:
-    """Return a ``pose`` (4, 4) moved by a ``twist`` (6,) scaled by ``length``, orthonormal.
+def displace(m: Model, pose: FloatArray, twist: FloatArray) -> None:
+    """Move a ``pose`` (4, 4) of ``m`` by a scaled ``twist`` (6,), in place; it stays orthonormal.
 
     Poses follow from one another for hours, so each takes a Newton step towards the nearest
     rotation.
     """
+    mark, length = m.work[0], m.chains.length
+    turn, moved = matrix(m.work, 3, 3), matrix(m.work, 3, 3)
     x, y, z = twist[0] / length, twist[1] / length, twist[2] / length
     squared = x * x + y * y + z * z
     angle = sqrt(squared)
@@ -57,23 +55,26 @@ def displaced_pose(pose: FloatArray, twist: FloatArray, length: float) -> FloatA
     else:
         half = sin(0.5 * angle) / angle
         sine, cosine = sin(angle) / angle, 2.0 * half * half
-    turn, moved, result = np.eye(3), np.zeros((3, 3)), pose.copy()
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = 1.0 if i == j else 0.0
+        pose[i, 3] += twist[3 + i]
     _turn_right(turn, x, y, z, sine, cosine)
     for i in range(3):
         for j in range(3):
+            moved[i, j] = 0.0
             for k in range(3):
                 moved[i, j] += turn[i, k] * pose[k, j]
-        result[i, 3] += twist[3 + i]
     for j in range(3):
         for i in range(3):
-            result[i, j] = 1.5 * moved[i, j]
+            pose[i, j] = 1.5 * moved[i, j]
         for k in range(3):
             overlap = 0.0
             for i in range(3):
                 overlap += moved[i, j] * moved[i, k]
             for i in range(3):
-                result[i, j] -= 0.5 * moved[i, k] * overlap
-    return result
+                pose[i, j] -= 0.5 * moved[i, k] * overlap
+    m.work[0] = mark
 
 
 def _rotated(
@@ -133,12 +134,15 @@ def _advance(tip: FloatArray, screw: FloatArray, value: float) -> None:
 
 
 def _rotation_between(
-    pose: FloatArray, tip: FloatArray, length: float, opening: FloatArray
+    pose: FloatArray, tip: FloatArray, length: float, turn: FloatArray, opening: FloatArray
 ) -> None:
-    """Write the scaled rotation vector of ``R_pose R_tip^T`` into the first three components."""
-    turn = np.zeros((3, 3))
+    """Write the scaled rotation vector of ``R_pose R_tip^T`` into the first three components.
+
+    ``turn`` (3, 3) is room for it.
+    """
     for i in range(3):
         for j in range(3):
+            turn[i, j] = 0.0
             for k in range(3):
                 turn[i, j] += pose[i, k] * tip[j, k]
     trace = turn[0, 0] + turn[1, 1] + turn[2, 2]
@@ -154,12 +158,12 @@ def _rotation_between(
         for i in range(3):
             if turn[i, i] > turn[best, best]:
                 best = i
-        sign = 1.0
-        axis = np.empty(3)
-        for i in range(3):
-            axis[i] = turn[i, best] + turn[best, i] - (trace - 1.0 if i == best else 0.0)
-        if axis[0] * x + axis[1] * y + axis[2] * z < 0.0:
-            sign = -1.0
-        x, y, z = axis[0], axis[1], axis[2]
-        factor = sign * length * angle / sqrt(x * x + y * y + z * z)
+        rest = trace - 1.0
+        a = turn[0, best] + turn[best, 0] - (rest if best == 0 else 0.0)
+        b = turn[1, best] + turn[best, 1] - (rest if best == 1 else 0.0)
+        c = turn[2, best] + turn[best, 2] - (rest if best == 2 else 0.0)
+        factor = length * angle / sqrt(a * a + b * b + c * c)
+        if a * x + b * y + c * z < 0.0:
+            factor = -factor
+        x, y, z = a, b, c
     opening[0], opening[1], opening[2] = factor * x, factor * y, factor * z

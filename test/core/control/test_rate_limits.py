@@ -19,7 +19,6 @@ from fault_tolerance.kernel.law import (
     rate_bounds,
     scaled_rates,
 )
-from fault_tolerance.kernel.motions import Kinematics
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.tolerances import LARGEST_RATE
@@ -37,17 +36,20 @@ class Limited:
         found = estimate(MODEL, MODEL.unknown, np.zeros(4), failure_set(FSM, failures)).arrays
         self.mapping, self.jacobian = found.mapping, found.jacobian
         task, law = MODEL.view.task, MODEL.view.law
-        kinematics = Kinematics(found.jacobian, found.mapping, found.follow, 0)
-        whole = prioritised(task, law, kinematics, asked_velocity(task, np.array(asked, float)))
+        work = MODEL.packed.work
+        work[0] = 1.0
+        wanted = asked_velocity(task, np.array(asked, float), np.empty(len(asked)))
+        whole = prioritised(work, task, law, found.motions, wanted)
         low, high = (np.broadcast_to(np.asarray(one, float), (4,)) for one in (low, high))
-        within = limited(DRIVES, found.follow, whole.first, whole.second, -low, high, scale)
+        within = limited(
+            work, DRIVES, found.motions, whole.first, whole.second, -low, high, scale)
         self.scale, self.share = within.scale, within.share
         self.saturation = tuple(
             name for name, over in zip(NAMES, within.saturated, strict=True) if over)
         self.whole = whole.first + whole.second
         self.reduced = within.scale * (whole.first + within.share * whole.second)
-        self.rates = scaled_rates(DRIVES, found.follow, self.reduced, 1.0)
-        self.whole_rates = scaled_rates(DRIVES, found.follow, self.whole, 1.0)
+        self.rates = scaled_rates(DRIVES, found.motions, self.reduced, 1.0, np.empty(4))
+        self.whole_rates = scaled_rates(DRIVES, found.motions, self.whole, 1.0, np.empty(4))
         scale = MODEL.view.task.scale
         self.achieved = (found.jacobian @ self.reduced / scale)[task.rows]
         self.whole_achieved = (found.jacobian @ self.whole / scale)[task.rows]
@@ -96,7 +98,10 @@ def test_a_stuck_actuator_never_binds():
 def test_rounding_at_the_end_of_a_stroke_does_not_stop_everything():
     bounds = np.array([1.0, 0.0, 1.0, 0.0])
     major, noise = np.array([1.0, 1e-16, -1.0, 0.0]), np.array([0.0, 1e-17, 0.0, -1e-17])
-    found = limited(np.ones(4), np.eye(4), major, noise, -bounds, bounds, 1.0)
+    motions = np.hstack([np.zeros((4, 6)), np.eye(4)])
+    work = MODEL.packed.work
+    work[0] = 1.0
+    found = limited(work, np.ones(4), motions, major, noise, -bounds, bounds, 1.0)
 
     assert found.scale == 1.0
     assert not found.saturated.any()
@@ -164,7 +169,10 @@ def test_no_more_is_given_up_than_need_be(asked, limit):
 
 
 def bounds_of(mechanism, values, gain):
-    return rate_bounds(modelled(mechanism).view.drives, gain, np.asarray(values, float))
+    lower, upper = np.empty(len(values)), np.empty(len(values))
+    drives = modelled(mechanism).view.drives
+    rate_bounds(drives, gain, np.asarray(values, float), lower, upper)
+    return lower, upper
 
 
 def test_speed_falls_off_towards_the_ends_of_the_stroke():

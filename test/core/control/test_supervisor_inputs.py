@@ -285,7 +285,7 @@ def test_a_failure_reported_during_internal_errors_is_not_lost():
 def test_a_command_that_is_not_finite_never_leaves():
     supervisor = fed(FSM, velocity=ASKED)
     supervisor.kernel = replace(
-        supervisor.kernel, command=lambda *given: given[-1].fill(float('nan'))
+        supervisor.kernel, command=lambda *given: given[-2].fill(float('nan'))
     )
     output = supervisor.step(0.0)
 

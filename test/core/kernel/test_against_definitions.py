@@ -16,6 +16,8 @@ from core.kernel.kernel_cases import (
 )
 from core.mechanisms import DOCUMENTS, by_numbers, made, random_machine, serial_3r
 
+from fault_tolerance.control.estimate import estimate
+from fault_tolerance.control.resolved_rate import no_command, rate_command
 from fault_tolerance.kernel.compilation import best_kernel, python_kernel
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
@@ -101,13 +103,23 @@ def test_a_platform_beside_its_singularity_at_home():
 
 
 def test_the_kernel_as_python_stays_within_its_arrays():
-    """numpy raises IndexError where machine code would read beyond the end."""
+    """numpy raises IndexError where machine code would read beyond the end.
+
+    And what is used of the workspace leaves room.
+    """
     machines = [made(random_machine(seed)) for seed in range(12)]
     chosen = [mechanism_named('mirror_4_strut'), mechanism_named('fsm_overactuated'),
-              made(DOCUMENTS['two_stage_mirror']()), made(by_numbers()), *machines]
+              made(DOCUMENTS['two_stage_mirror']()), made(DOCUMENTS['two_stage_hexapod']()),
+              made(by_numbers()), *machines]
     deviations = Deviations()
     for mechanism in chosen:
         model, rng = modelled(mechanism, python_kernel()), np.random.default_rng(2)
+        count, work = len(mechanism.actuators), model.packed.work
+        work.fill(np.nan)
         for failures in failure_sets(mechanism, rng, 2, 2)[::5]:
-            compare(model, np.zeros(len(mechanism.actuators)), failures, deviations)
+            compare(model, np.zeros(count), failures, deviations)
+        nonsense = estimate(model, model.unknown, np.full(count, 50.0), failures)
+        rate_command(model, nonsense, np.ones(len(mechanism.task.coordinates)),
+                     no_command(model), 0.0)
+        assert np.flatnonzero(~np.isnan(work)).max() < 0.7 * len(work), mechanism.name
     assert not deviations.over()
