@@ -118,10 +118,18 @@ def motion_quality(post: PostFailure) -> tuple[float, float, float]:
     smallest = float(sigma[order - 1]) if len(sigma) >= order else 0.0
     largest = float(sigma.max(initial=0.0))
     condition = largest / smallest if smallest > largest / CONDITION_CAP else CONDITION_CAP
-    retained, before = 0.0, manipulability(post.nominal.major, order)
-    if post.verdict.tolerable and before > 0.0:
-        retained = manipulability(major, order) / before
+    retained = retained_manipulability(post) if post.verdict.tolerable else 0.0
     return retained, smallest, condition
+
+
+def retained_manipulability(post: PostFailure) -> float:
+    """Return w_m(J_m) of ``post`` over that of its nominal kinematics, where the rank is m.
+
+    0 when a major coordinate is lost, or was not there before.
+    """
+    major = post.present.major
+    before = manipulability(post.nominal.major, len(major))
+    return manipulability(major, len(major)) / before if before > 0.0 else 0.0
 
 
 def holding_measures(post: PostFailure) -> tuple[float, float]:
