@@ -160,7 +160,7 @@ def intolerance(post: PostFailure, threshold: float) -> str:
 
 def _unit_free(post: PostFailure) -> PostFailure:
     """Return ``post`` with turning drives taken at the characteristic length."""
-    return post if post.rows.mechanism.has_uniform_rate_scale else post.in_metres()
+    return post if post.mechanism.has_uniform_rate_scale else post.in_metres()
 
 
 def failures_in_words(failures: FailureSet) -> str:
@@ -178,7 +178,7 @@ def weakest_motion(post: PostFailure, *, held: bool) -> tuple[str, ...]:
     it is the motion they hold least, of those the task had before; otherwise the one they move
     least, of the major task.
     """
-    rows, task = post.rows, post.rows.mechanism.task
+    rows, task = post.rows, post.mechanism.task
     if not held:
         motions, sigma, _ = decomposed(post.present.major * _major_scale(rows))
         if len(sigma) > 1 and sigma[-2] > STANDS_OUT * sigma[-1]:
