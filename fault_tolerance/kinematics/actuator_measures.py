@@ -159,6 +159,7 @@ def _position(
         unsure |= (position > 0.0) & (position <= small)
     low = single <= small
     if np.count_nonzero(low):
+        # What is but rounding errors is 0 by definition too, without asking.
         single *= single > ROUNDING_TOLERANCE**2
         low &= single > 0.0
     position.flat[:: count + 1], unsure.flat[:: count + 1] = single, low
@@ -188,6 +189,7 @@ def _torque(products: FloatArray, crossed: FloatArray, redundancy: int) -> Float
     if np.count_nonzero(lost):
         barred = -products
         barred.flat[:: len(areas) + 1] = squares
+        # In less than two dimensions no area is lost: all are 0.
         areas = _recovered(areas, lost & (redundancy > 1), barred, RANK_TOLERANCE)
     return areas
 
