@@ -23,7 +23,7 @@ from fault_tolerance.kinematics.subspaces import (
     null_space,
     singular_values,
 )
-from fault_tolerance.mechanism.arrays import FloatArray, IntArray, frozen
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray, frozen
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.tolerances import (
     CANCELLED,
@@ -118,75 +118,108 @@ def pair_measures(kinematics: DifferentialKinematics) -> ActuatorMeasures:
     Single ones are on the diagonals.
     """
     mapping, active = kinematics.mapping, kinematics.active
-    count, driving = len(active), int(np.count_nonzero(active))
+    driving = int(np.count_nonzero(active))
     products = mapping.dot(mapping.T)
-    position = _position(kinematics, np.sqrt(products.diagonal()))
-    # B = 1 - T T': it projects, so its rows have the lengths t and the products B.
-    barred = np.negative(products, out=products)
-    barred.flat[:: count + 1] += 1.0
-    torque = _areas(barred, barred, driving - kinematics.mobility, RANK_TOLERANCE)
-    if driving < count:
-        for values in (position, torque):
+    crossed = products * products
+    position = _position(kinematics, products.diagonal(), crossed)
+    torque = _torque(products, crossed, driving - kinematics.mobility)
+    for values in (position, torque):
+        if driving < len(active):
             values[~active] = values[:, ~active] = np.nan
-    return ActuatorMeasures(frozen(position), frozen(torque))
+        frozen(np.sqrt(values, values))
+    return ActuatorMeasures(position, torque)
 
 
-def _position(kinematics: DifferentialKinematics, lengths: FloatArray) -> FloatArray:
-    """Return p (N, N) of every pair of drives; ``lengths`` (N,) are of the rows of T."""
-    major, active = kinematics.major, kinematics.active
-    order, count = len(major), len(active)
+def _position(
+    kinematics: DifferentialKinematics, squares: FloatArray, crossed: FloatArray
+) -> FloatArray:
+    """Return p^2 (N, N) from the squares (N,) of the rows of T, and of their products (N, N)."""
+    major, active, count = kinematics.major, kinematics.active, len(squares)
+    order, position = len(major), np.zeros((count, count))
     _, sigma, right = decomposed(major)
     if len(sigma) < order or sigma[-1] <= RANK_TOLERANCE * sigma[0]:
-        return np.zeros((count, count))
-    units = kinematics.mapping / np.maximum(lengths, SHORT_ROW)[:, None]
-    spare = units.dot(right[order:].T)
-    position = _areas(spare, spare.dot(spare.T), spare.shape[1], ROUNDING_TOLERANCE)
-    cosines = units.dot(units.T)
-    sines = 1.0 - cosines * cosines
-    sines.flat[:: count + 1] = 1.0
-    # Where rows are nearly dependent or hardly there, and where p may count as 0, by definition.
-    unsure = sines <= CANCELLED
-    short = lengths <= SHORT_ROW
+        return position
+    # By definition where rows are nearly dependent or hardly there, and where p may count as 0:
+    # J_m keeps at least p times its smallest singular value.
+    small = float(10.0 * RANK_TOLERANCE * sigma[0] / sigma[-1]) ** 2
+    squares = np.maximum(squares, SHORT_ROW**4)
+    largest = _outer(squares)
+    unsure = crossed >= (1.0 - CANCELLED) * largest
+    spare = kinematics.mapping.dot(right[order:].T)
+    products = spare.dot(spare.T)
+    single = products.diagonal() / squares
+    if spare.shape[1] > 1:
+        position = (_outer(products.diagonal()) - products * products) / largest
+        position.flat[:: count + 1] = single
+        lost = position <= CANCELLED
+        if np.count_nonzero(lost):
+            units = spare / np.sqrt(squares)[:, None]
+            position = _recovered(position, lost, units, ROUNDING_TOLERANCE)
+        position /= np.maximum(1.0 - crossed / largest, CANCELLED)
+        unsure |= (position > 0.0) & (position <= small)
+    low = single <= small
+    if np.count_nonzero(low):
+        # What is but rounding errors is 0 by definition too, without asking.
+        single *= single > ROUNDING_TOLERANCE**2
+        low &= single > 0.0
+    position.flat[:: count + 1], unsure.flat[:: count + 1] = single, low
+    short = active & (squares <= SHORT_ROW**2)
     if np.count_nonzero(short):
         unsure[short] = unsure[:, short] = True
-    if spare.shape[1] > 1:
-        position /= np.sqrt(np.maximum(sines, CANCELLED))
-    # J_m keeps at least p times its smallest singular value.
-    unsure |= (position > 0.0) & (position <= 10.0 * RANK_TOLERANCE * float(sigma[0] / sigma[-1]))
     if np.count_nonzero(unsure):
         pairs = np.argwhere(unsure & active & active[:, None])
         first, second = pairs.T
         for sets in (pairs[first == second, :1], pairs[first < second]):
-            places = sets[:, 0], sets[:, -1]
-            position[places] = position[places[::-1]] = position_measures(kinematics, sets)
+            if len(sets):
+                i, j = sets[:, 0], sets[:, -1]
+                position[i, j] = position[j, i] = position_measures(kinematics, sets) ** 2
     return position
 
 
-def _areas(rows: FloatArray, products: FloatArray, dimension: int, zero: float) -> FloatArray:
-    """Return the areas (N, N) that two of ``rows`` span; on the diagonal the lengths of each.
+def _torque(products: FloatArray, crossed: FloatArray, redundancy: int) -> FloatArray:
+    """Return t^2 (N, N) from the products (N, N) of the rows of T, and the squares of these.
 
-    0 where the smaller singular value of the two is not above ``zero``. Given are the ``products``
-    (N, N) of the rows, and the ``dimension`` of the space they are in.
+    The rows of B = 1 - T T' are in a space of dimension ``redundancy``. B projects, so it has the
+    products of its rows.
     """
-    squares, areas = (rows * rows).sum(1), np.zeros(products.shape)
-    squares *= squares > zero**2
-    if dimension > 1:
-        areas = squares[:, None] * squares - products * products
-        lost = areas <= CANCELLED
-        lost.flat[:: len(rows) + 1] = False
-        if np.count_nonzero(lost):
-            first, second = lost.nonzero()
-            for part in _parts(len(first), rows.shape[1]):
-                i, j = first[part], second[part]
-                one, rest, size = rows.take(i, 0), rows.take(j, 0), squares.take(i)
-                share = (one * rest).sum(1) / np.maximum(size, zero**2)
-                rest -= share[:, None] * one
-                found = size * (rest * rest).sum(1)
-                areas[i, j] = found * (found > zero**2 * (size + squares.take(j)))
-            # Not the same to the last digit from both sides.
-            areas = np.minimum(areas, areas.T)
-    areas.flat[:: len(rows) + 1] = squares
-    return np.sqrt(areas, out=areas)
+    squares = 1.0 - products.diagonal()
+    areas = _outer(squares) - crossed if redundancy > 1 else np.zeros(crossed.shape)
+    areas.flat[:: len(areas) + 1] = squares
+    lost = areas <= CANCELLED
+    if np.count_nonzero(lost):
+        barred = -products
+        barred.flat[:: len(areas) + 1] = squares
+        # In less than two dimensions no area is lost: all are 0.
+        areas = _recovered(areas, lost & (redundancy > 1), barred, RANK_TOLERANCE)
+    return areas
+
+
+def _outer(values: FloatArray) -> FloatArray:
+    """Return the products (N, N) of all pairs of ``values`` (N,)."""
+    result: FloatArray = values[:, None].dot(values[None])
+    return result
+
+
+def _recovered(areas: FloatArray, lost: BoolArray, rows: FloatArray, zero: float) -> FloatArray:
+    """Return the squares ``areas`` (N, N), from ``rows`` (N, c) where they are ``lost`` (N, N).
+
+    Those come from what is left of one row beside the other, and are 0 where the smaller singular
+    value of the two is not above ``zero``. The squares of the lengths are on the diagonal.
+    """
+    products, zero = rows.dot(rows.T), zero**2
+    squares = products.diagonal()
+    first, second = lost.nonzero()
+    for part in _parts(len(first), rows.shape[1]):
+        i, j = first[part], second[part]
+        size, other = squares.take(i), squares.take(j)
+        share = products[i, j] / np.maximum(size, zero)
+        rest = rows.take(j, 0) - share[:, None] * rows.take(i, 0)
+        found = size * (rest * rest).sum(1)
+        areas[i, j] = found * (found > zero * (size + other))
+    # Not the same to the last digit from both sides.
+    areas = np.minimum(areas, areas.T)
+    areas.flat[:: len(areas) + 1] = squares * (squares > zero)
+    return areas
 
 
 def _parts(count: int, numbers: int) -> Iterator[slice]:

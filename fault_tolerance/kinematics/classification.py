@@ -69,7 +69,7 @@ def classification(
 
 def redundancy(post: PostFailure) -> Redundancy:
     """Return how redundant the mechanism is in ``post``, and by which struts and drives."""
-    mechanism, present, failures = post.rows.mechanism, post.present, post.failures
+    mechanism, present, failures = post.mechanism, post.present, post.failures
     kinematic = int(present.active.sum()) - present.mobility
     task = present.mobility - len(mechanism.task.major)
     if kinematic <= 0 or not present.stable:

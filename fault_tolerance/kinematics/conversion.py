@@ -15,7 +15,7 @@ from itertools import product
 from math import prod
 
 from fault_tolerance.errors import FailureError
-from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet, failure_set
+from fault_tolerance.kinematics.failures import Failure, FailureMode, FailureSet
 from fault_tolerance.kinematics.measures import present_measures
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import StrutRows
@@ -92,8 +92,7 @@ def best_conversion(rows: StrutRows, failures: FailureSet) -> Conversions:
     options = {failures: as_it_is}
     for choice in product(*alternatives):
         actions = tuple((old, new) for old, new in choice if old != new)
-        lost = [(FailureMode.HARD, name) for name in failures.lost]
-        after = failure_set(mechanism, [(new.mode, new.name) for _, new in choice] + lost)
+        after = FailureSet(lost=failures.lost).and_also(mechanism, *(new for _, new in choice))
         if after not in options:
             options[after] = _judged(rows, after, actions)
     # Rounding errors are no reason to act: among equals the fewest actions come first.

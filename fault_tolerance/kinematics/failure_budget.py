@@ -47,7 +47,7 @@ def failure_budget(
 
     Not more than ``most_sets`` sets of failures are tried.
     """
-    mechanism, failures = post.rows.mechanism, post.failures
+    mechanism, failures = post.mechanism, post.failures
     if mode is FailureMode.HARD:
         names = [name for name in mechanism.strut_names if name not in failures.lost]
     else:

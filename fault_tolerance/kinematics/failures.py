@@ -84,15 +84,15 @@ class FailureSet:
             if isinstance(names, str):
                 raise FailureError(names, f'{key} is one text, expected several names')
             object.__setattr__(self, key, tuple(names))
+        object.__setattr__(self, 'parts', (*self.stuck, *self.free, *self.lost))
         seen: set[str] = set()
-        for name in (*self.stuck, *self.free, *self.lost):
+        for name in self.parts:
             _require_name(name)
             if name in seen:
                 raise FailureError(name, 'named twice in one set of failures')
             seen.add(name)
         unordered = frozenset(self.stuck), frozenset(self.free), frozenset(self.lost)
         object.__setattr__(self, '_unordered', unordered)
-        object.__setattr__(self, 'parts', (*self.stuck, *self.free, *self.lost))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FailureSet):
@@ -105,13 +105,9 @@ class FailureSet:
     def __repr__(self) -> str:
         return f'FailureSet({", ".join(str(failure) for failure in self.failures)})'
 
-    def __bool__(self) -> bool:
-        """Whether anything is broken."""
-        return bool(self.stuck or self.free or self.lost)
-
     def __len__(self) -> int:
-        """Return how many failures there are."""
-        return len(self.stuck) + len(self.free) + len(self.lost)
+        """Return how many failures there are: a set without any is false."""
+        return len(self.parts)
 
     @property
     def failures(self) -> tuple[Failure, ...]:
@@ -177,7 +173,7 @@ def failure_set(mechanism: Mechanism, failures: Iterable[FailureLike]) -> Failur
     effective: dict[str, FailureMode] = {}
     lost: set[str] = set()
     for word, name in map(_pair_of, failures):
-        mode = word if isinstance(word, FailureMode) else _mode_of(word)
+        mode = _mode_of(word)
         if mode is FailureMode.NONE:
             _require_known(mechanism, name)
             continue

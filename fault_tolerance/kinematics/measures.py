@@ -91,7 +91,7 @@ def hard_measure(before: DifferentialKinematics, after: DifferentialKinematics) 
 
 def hard_measures(post: PostFailure) -> FloatArray:
     """Return h (s,) of the loss of each strut after the failures of ``post``; NaN if lost."""
-    mechanism, present = post.rows.mechanism, post.present
+    mechanism, present = post.mechanism, post.present
     result = np.full(len(mechanism.struts), np.nan)
     for place, name in enumerate(mechanism.strut_names):
         if name not in post.failures.lost:
@@ -103,7 +103,7 @@ def hard_measures(post: PostFailure) -> FloatArray:
 
 def present_measures(post: PostFailure) -> PresentMeasures:
     """Return what the failures of ``post`` have cost."""
-    stuck = [post.rows.mechanism.actuator_index(name) for name in post.failures.stuck]
+    stuck = [post.mechanism.actuator_index(name) for name in post.failures.stuck]
     position = position_measure(post.nominal, stuck) if stuck else 1.0
     return PresentMeasures(position, *holding_measures(post), *motion_quality(post))
 
@@ -118,10 +118,18 @@ def motion_quality(post: PostFailure) -> tuple[float, float, float]:
     smallest = float(sigma[order - 1]) if len(sigma) >= order else 0.0
     largest = float(sigma.max(initial=0.0))
     condition = largest / smallest if smallest > largest / CONDITION_CAP else CONDITION_CAP
-    retained, before = 0.0, manipulability(post.nominal.major, order)
-    if post.verdict.tolerable and before > 0.0:
-        retained = manipulability(major, order) / before
+    retained = retained_manipulability(post) if post.verdict.tolerable else 0.0
     return retained, smallest, condition
+
+
+def retained_manipulability(post: PostFailure) -> float:
+    """Return w_m(J_m) of ``post`` over that of its nominal kinematics, where the rank is m.
+
+    0 when a major coordinate is lost, or was not there before.
+    """
+    major = post.present.major
+    before = manipulability(post.nominal.major, len(major))
+    return manipulability(major, len(major)) / before if before > 0.0 else 0.0
 
 
 def holding_measures(post: PostFailure) -> tuple[float, float]:
@@ -133,7 +141,7 @@ def holding_measures(post: PostFailure) -> tuple[float, float]:
     torque = hard = 1.0
     if failures.free:
         locked = differential_kinematics(rows, FailureSet(stuck=failures.stuck))
-        free = [rows.mechanism.actuator_index(name) for name in failures.free]
+        free = [post.mechanism.actuator_index(name) for name in failures.free]
         torque = torque_measure(locked, free)
     if failures.lost:
         freed = differential_kinematics(rows, FailureSet(failures.stuck, failures.free))
@@ -143,7 +151,7 @@ def holding_measures(post: PostFailure) -> tuple[float, float]:
 
 def next_failure(post: PostFailure) -> NextFailure:
     """Return the measure of every single failure after those of ``post``, taken as nominal."""
-    mechanism, present = post.rows.mechanism, post.present
+    mechanism, present = post.mechanism, post.present
     position, torque = single_measures(present)
     hard = hard_measures(post)
     return NextFailure(

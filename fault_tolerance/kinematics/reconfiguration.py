@@ -53,7 +53,7 @@ class PostFailure:
     known_nominal: DifferentialKinematics | None = None
 
     def __repr__(self) -> str:
-        return f'PostFailure({self.rows.mechanism.name!r}, {failures_in_words(self.failures)})'
+        return f'PostFailure({self.mechanism.name!r}, {failures_in_words(self.failures)})'
 
     @cached_property
     def nominal(self) -> DifferentialKinematics:

@@ -17,9 +17,9 @@ import numpy as np
 
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.kinematics.measures import holding_measures
+from fault_tolerance.kinematics.measures import holding_measures, retained_manipulability
 from fault_tolerance.kinematics.rows import StrutRows
-from fault_tolerance.kinematics.subspaces import adds_rank, manipulability, range_basis, rank
+from fault_tolerance.kinematics.subspaces import adds_rank, range_basis, rank
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.linear_algebra import decomposed
 from fault_tolerance.mechanism.task import COORDINATES, Task
@@ -129,10 +129,7 @@ def tolerance_margins(post: PostFailure) -> ToleranceMargins:
     measures then compare radians with metres and depend on the units, too much for a decision.
     """
     post = _unit_free(post)
-    major = post.present.major
-    before = manipulability(post.nominal.major, len(major))
-    motion = manipulability(major, len(major)) / before if before > 0.0 else 0.0
-    return ToleranceMargins(motion, *holding_measures(post))
+    return ToleranceMargins(retained_manipulability(post), *holding_measures(post))
 
 
 def intolerance(post: PostFailure, threshold: float) -> str:
@@ -163,7 +160,7 @@ def intolerance(post: PostFailure, threshold: float) -> str:
 
 def _unit_free(post: PostFailure) -> PostFailure:
     """Return ``post`` with turning drives taken at the characteristic length."""
-    return post if post.rows.mechanism.has_uniform_rate_scale else post.in_metres()
+    return post if post.mechanism.has_uniform_rate_scale else post.in_metres()
 
 
 def failures_in_words(failures: FailureSet) -> str:
@@ -181,7 +178,7 @@ def weakest_motion(post: PostFailure, *, held: bool) -> tuple[str, ...]:
     it is the motion they hold least, of those the task had before; otherwise the one they move
     least, of the major task.
     """
-    rows, task = post.rows, post.rows.mechanism.task
+    rows, task = post.rows, post.mechanism.task
     if not held:
         motions, sigma, _ = decomposed(post.present.major * _major_scale(rows))
         if len(sigma) > 1 and sigma[-2] > STANDS_OUT * sigma[-1]:
