@@ -70,6 +70,7 @@ class Continuity(InputWatchdog):
         drives = mechanism.actuators
         self._speeds = np.array([_speed(one) for one in drives])
         self._slacks = SLACK * mechanism.characteristic_length / mechanism.rate_scale
+        self._per_speed = 1.0 / self._speeds
         self._periods = np.array([one.period for one in drives])
         self._wraps = bool(np.isfinite(self._periods).any())
         self._turns, self._places = turns, np.zeros(len(drives))
@@ -130,11 +131,13 @@ class Continuity(InputWatchdog):
             self._since, self.doubt = inf, ''
         if self._wraps:
             value = self._unwrapped(value)
-        if gap <= self.timeout and (self.moving or self._since != inf):
-            reach = self._slacks + MARGIN * (passed + GRACE) * self._speeds
-            far = np.abs(value - self._lasts) > reach
-            if np.logical_or.reduce(far) and (far & ~self._loose).any():
-                return self._refusal(value, far & ~self._loose, now, passed)
+        # Seconds that the way from the last values takes; NaN where there is no reading.
+        needed = (np.abs(value - self._lasts) - self._slacks) * self._per_speed
+        near = np.maximum.reduce(needed) <= MARGIN * (passed + GRACE)
+        if not near and gap <= self.timeout and (self.moving or self._since != inf):
+            far = (needed > MARGIN * (passed + GRACE)) & ~self._loose
+            if far.any():
+                return self._refusal(value, far, now, passed)
         if self._failed:
             same = value == self._raws
             if not same.all():
@@ -144,7 +147,8 @@ class Continuity(InputWatchdog):
             self.sensorless = (self._stuck | self._free) & (np.isnan(value) | frozen)
             value = np.where(self.sensorless & self._free, np.nan, value)
             value = np.where(self.sensorless & self._stuck, self._lasts, value)
-        self._lasts = np.where(np.isnan(value), self._lasts, value)
+            near = False
+        self._lasts = value if near else np.where(np.isnan(value), self._lasts, value)
         self.value, self.deadline = value, now + self.timeout
         return None
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite
 
 import numpy as np
 
@@ -268,7 +267,7 @@ def estimate(
         part.counts, part.numbers, flags, before.numbers, values, numbers, part.work)
     numbers.setflags(write=False)
     unread, determined = None, True
-    if not isfinite(values.dot(values)):
+    if numbers[at.UNREAD]:
         # After a clearing, the strut that was lost may not have been read yet.
         unread = unusable(model.mechanism, values, failures.parts)
         places, determined = model.view.chains.strut, before.determined

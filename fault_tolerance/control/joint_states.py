@@ -36,7 +36,8 @@ class Readings(NamedTuple):
 class JointStateReader:
     """Reads the joint states of ``mechanism``.
 
-    Where the joints stand in a message is found once: a publisher keeps their order. Messages that
+    Where the joints stand in a message is found once: a publisher keeps their order. Whether
+    values can be used (`unusable`) is for who takes them. Messages that
     have some of the joints each are put together, from readings at most ``timeout`` seconds old:
     once all have come anew, or one of them comes again before the others.
     """
@@ -79,11 +80,7 @@ class JointStateReader:
         """
         if names == self._names and len(positions) == len(names):
             encoders = np.array(positions, dtype=np.float64).take(self._places)
-            values = self._signs * (encoders - self._homes)
-            if not np.maximum.reduce(np.abs(values)) <= LARGEST_VALUE:  # or NaN
-                notice = unusable(self._mechanism, values, failed)
-                return Readings(None if notice else values, notice)
-            return Readings(values)
+            return Readings(self._signs * (encoders - self._homes))
         found, part = _read(self._mechanism, names, positions, failed)
         if part is not None:
             return self._put_together(part, found.notice, failed, now)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf
 
 import numpy as np
 
@@ -142,7 +142,8 @@ def rate_command(
     last, present, used = before.failures, estimate.failures, estimate
     if not model.settings.recovery:  # for comparison: as if nothing had failed
         used = estimated(model, estimate, estimate.readings, FailureSet())
-    changed = (last.stuck, last.free, last.lost) != (present.stuck, present.free, present.lost)
+    changed = last is not present and (last.stuck, last.free, last.lost) != (
+        present.stuck, present.free, present.lost)
     model.kernel.command(
         packed.counts, packed.numbers, used.numbers, used.readings, velocity,
         before.numbers, now, changed, numbers, packed.work,
@@ -150,7 +151,7 @@ def rate_command(
     numbers.setflags(write=False)
     count = at.COMMAND_FACTS + len(estimate.readings)
     rates, twist = numbers[at.COMMAND_FACTS : count], numbers[count : count + 6]
-    if not (isfinite(rates.dot(rates)) and isfinite(twist.dot(twist))):
+    if not numbers[at.FINITE] == 1.0:
         raise ArithmeticError('the command is not finite')
     obstacle = ''
     if numbers[at.OBSTACLE]:

@@ -83,7 +83,7 @@ def command(
     result = command_of(out)
     facts = result.facts
     facts[at.MAJOR_JUMP], facts[at.RATE_JUMP] = last.facts[at.MAJOR_JUMP], last.facts[at.RATE_JUMP]
-    facts[at.TIME], facts[at.UNDER_WAY] = now, last.facts[at.UNDER_WAY]
+    facts[at.TIME], facts[at.UNDER_WAY], facts[at.FINITE] = now, last.facts[at.UNDER_WAY], 1.0
     facts[at.COMMANDED_MOBILITY], facts[at.DRIVEN] = len(e.motions), priority.driven
     facts[at.GAIN] = size_of(e.motions, 0, 6)
     if len(m.task.major) <= len(e.motions) and len(m.task.major) > 0:
@@ -114,6 +114,7 @@ def command(
     scaled_rates(m.drives.scale, e.motions, reduced, 1.0, result.rates)
     for i in range(6):
         result.twist[i] = along(e.motions, reduced, i) / m.task.scale[i]
+    facts[at.FINITE] = 1.0 if isfinite(norm(result.rates) + norm(result.twist)) else 0.0
 
 
 def _margin(m: Model, last: CommandArrays, facts: FloatArray) -> float:

@@ -9,7 +9,7 @@ told among the results, and the others are valid.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, isfinite
 
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.closing import Closing, closed, largest_misfit, place
@@ -63,7 +63,9 @@ def estimate(
         facts[at.MISFIT] = largest_misfit(m, e, failed, target)
         limit = m.law.misfit_limit * (MISFIT_BAND if last.facts[at.CONTRADICTORY] != 0.0 else 1.0)
         facts[at.CONTRADICTORY] = 1.0 if facts[at.MISFIT] > limit else 0.0
+    facts[at.UNREAD] = 0.0
     for j in range(len(strut)):
+        facts[at.UNREAD] += 0.0 if isfinite(target[j]) else 1.0
         e.actuators[j] = e.values[strut[j], joint[j]] if strut[j] >= 0 else 0.0
     present = _judged(m, e, last, failed)
     copied(failed, e.failed)

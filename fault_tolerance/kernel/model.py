@@ -154,14 +154,14 @@ def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     return Model(chains, drives, task, law, motions, counts[b : b + ESTIMATED], work)
 
 
-FACTS = 20
+FACTS = 21
 """Numbers at the head of an estimate; the places below are theirs."""
 
 LOCATED, CLOSED, CONTRADICTORY, STEPS = 0, 1, 2, 3
 OUTSIDE, STRAIN, MISFIT = 4, 5, 6
 COMPLIANCE, MOBILITY, DRIFTING, NOMINAL_FREEDOM, FREEDOM = 7, 8, 9, 10, 11
 VERDICT, MAJOR_RANK = 12, 13
-POSITION, TORQUE, HARD, MOTION, REGULAR, SPARE = 14, 15, 16, 17, 18, 19
+POSITION, TORQUE, HARD, MOTION, REGULAR, SPARE, UNREAD = 14, 15, 16, 17, 18, 19, 20
 
 TOLERATED, DRIFTS, MAJOR_LOST, BELOW_THRESHOLD = 0, 1, 2, 3
 """Verdicts on the failures present."""
@@ -252,7 +252,7 @@ COMMAND_FACTS = 14
 
 SCALE, SECONDARY_SCALE, MAJOR_JUMP, RATE_JUMP = 0, 1, 2, 3
 UNDER_WAY, OBSTACLE, SLOWED, TIME, MOVED, COMMANDED_MOBILITY = 4, 5, 6, 7, 8, 9
-TRANSMISSION, GAIN, DRIVEN = 10, 11, 12
+TRANSMISSION, GAIN, DRIVEN, FINITE = 10, 11, 12, 13
 
 NO_OBSTACLE, HARDLY_MOVES, HARDLY_HELD = 0, 1, 2
 """Near which kind of singularity motion is not allowed."""

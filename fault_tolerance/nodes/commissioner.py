@@ -19,7 +19,7 @@ from fault_tolerance.analysis import topics
 from fault_tolerance.commissioning.first_motion import LONGEST_GAP, FirstMotion
 from fault_tolerance.commissioning.jogs import Sample
 from fault_tolerance.control.failure_reports import ERROR, part_names, target_of
-from fault_tolerance.control.joint_states import JointStateReader
+from fault_tolerance.control.joint_states import JointStateReader, unusable
 from fault_tolerance.control.notices import clean
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
@@ -100,9 +100,11 @@ class Commissioner(Node):
         if not set(self.mechanism.joint_state_names) <= set(message.name):
             return  # of another machine, or wrongly named
         values, notice = self._reader.readings(message.name, message.position)
+        if values is not None:
+            notice = unusable(self.mechanism, values, ())
         stamp = nanoseconds_from_msg(message.header.stamp)
         sent = self._timeline.monotonic(message.header.stamp)
-        if values is None:
+        if values is None or notice:
             self.complaint = notice.text if notice else ''
         elif sent is not None and abs(now - sent) > LONGEST_GAP:
             self.complaint = f'joint states are {now - sent:.2f} s old by their stamps'
