@@ -48,9 +48,6 @@ MODULES: tuple[ModuleType, ...] = (
 SWITCH = 'FAULT_TOLERANCE_KERNEL'
 """The environment variable that chooses the form: ``python`` or ``compiled`` (the default)."""
 
-SPINE = 4
-"""Calls to the lowest leaf from a function that is inlined, those for room included."""
-
 
 @dataclass(frozen=True)
 class Kernel:
@@ -245,20 +242,16 @@ def _functions(module: ModuleType) -> list[FunctionType]:
 def _inlined(functions: list[FunctionType]) -> set[FunctionType]:
     """Return those that numba is to inline.
 
-    numba optimises a function anew, with all that it calls, in every function that calls it. So
-    what lies between the entry points and the leaves, and has one caller, becomes part of that.
-    Parts of the workspace cannot be returned from a function.
+    numba optimises a function anew, with all that it calls, in every function that calls it: one
+    with a single caller becomes part of that. What an entry point calls stays for itself: as one
+    function the whole of an estimate is a third slower. Parts of the workspace cannot be returned
+    from a function.
     """
-    called = {
-        one: [one.__globals__.get(name) for name in one.__code__.co_names] for one in functions
-    }
-    callers = Counter(other for others in called.values() for other in others)
-
-    def height(one: FunctionType) -> int:
-        return 1 + max((height(other) for other in called[one] if other in called), default=-1)
-
-    spine = {one for one in functions if callers[one] == 1 and height(one) >= SPINE}
-    return spine | set(_functions(workspace))
+    callers = Counter(
+        one.__globals__.get(name) for one in functions for name in one.__code__.co_names
+        for _ in range(2 if one in _SIGNATURES else 1)
+    )
+    return {one for one in functions if callers[one] == 1} | set(_functions(workspace))
 
 
 def _copy(function: FunctionType) -> FunctionType:
