@@ -82,7 +82,7 @@ def groups() -> tuple[list[Group], Group, Group]:
               1, ('-m', mark)) for mark in ('paced', 'timed'))
     return [
         Group('packaging', packaging, 1, (), BESIDE_OTHERS),
-        Group('nodes', nodes, 2, ('-m', 'not paced and not timed'), {**BESIDE_OTHERS, **CHECKED}),
+        Group('nodes', nodes, 3, ('-m', 'not paced and not timed'), {**BESIDE_OTHERS, **CHECKED}),
         Group('others', others, 1, (), BESIDE_OTHERS),
         Group('core', core, 2, (), BESIDE_OTHERS, polite=True),
     ], paced, timed
