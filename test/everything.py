@@ -40,10 +40,13 @@ CHECKED = {'ROS_PYTHON_CHECK_FIELDS': '1'}
 BESIDE_OTHERS = {'OPENBLAS_NUM_THREADS': '1', 'FAULT_TOLERANCE_PARTS': '1',
                  'PYTHONDONTWRITEBYTECODE': ''}
 LONGEST = (
-    'system/test_soak.py', 'ros/test_start_and_end.py', 'ros/test_controller_inputs.py',
-    'ros/test_operator_cli.py', 'ros/test_every_failure.py', 'core/test_closed_loop.py',
-    'core/kinematics/test_against_reference.py', 'core/campaign/test_campaign.py',
-    'core/analysis/test_drawing.py', 'core/test_cli.py', 'core/test_mujoco_loop.py',
+    'system/test_soak.py', 'ros/test_commission.py', 'ros/test_start_and_end.py',
+    'ros/test_operator_cli.py', 'ros/test_controller_inputs.py', 'ros/test_every_failure.py',
+    'ros/test_recovery.py', 'core/detection/test_every_single_failure.py',
+    'core/commissioning/test_first_motion.py', 'core/kernel/test_against_definitions.py',
+    'core/detection/test_separations_of_plants.py', 'core/detection/test_false_alarms.py',
+    'core/test_cli.py', 'core/campaign/test_campaign.py', 'core/design/test_maps.py',
+    'core/design/test_designs.py', 'core/analysis/test_drawing.py',
 )
 """These begin first, so that nobody waits for them in the end."""
 
