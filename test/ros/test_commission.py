@@ -56,9 +56,12 @@ def begun_early(heard_early, start_for_module, tmp_path_factory):
                     first='actuators: [theta_2, theta_3, theta_1]\n')
     words = {'right': ['mirror_3_strut', '--yes'], 'wrong': [wrong, '--yes', '--json'],
              'nobody': ['mirror_3_strut', '--yes']}
-    for namespace in ('right', 'wrong'):
-        start_for_module('fsm_simulator', namespace, mechanism='mirror_3_strut', rate=CALM)
-    runs = {name: Run(*given, '--namespace', f'/{name}') for name, given in words.items()}
+    mirrors = {
+        name: start_for_module('fsm_simulator', name, mechanism='mirror_3_strut', rate=CALM)
+        for name in ('right', 'wrong')
+    }
+    runs = {name: Run(mirrors.get(name), *given, '--namespace', f'/{name}')
+            for name, given in words.items()}
     yield runs
     for run in runs.values():
         run.running.kill()
@@ -68,18 +71,22 @@ def begun_early(heard_early, start_for_module, tmp_path_factory):
 class Run:
     """One that is begun again where a stall of a busy host, rightly a surprise, has stopped it."""
 
-    def __init__(self, *words):
-        self.words = words
+    def __init__(self, mirror, *words):
+        self.mirror, self.words = mirror, words
         self.running = process(*words)
 
     def ended(self):
-        """Return exit code, output and errors of the first one that was not stopped."""
+        """Return exit code, output and errors of the first one that was not stopped.
+
+        The mirror, which nobody needs any more, ends with it.
+        """
+        found = ended(self.running)
         for _ in range(2):
-            found = ended(self.running)
-            if found[0] != 2:
-                return found
-            self.running = process(*self.words)
-        return ended(self.running)
+            if found[0] == 2:
+                self.running = process(*self.words)
+                found = ended(self.running)
+        self.mirror.end()
+        return found
 
 
 @pytest.fixture(scope='module')
@@ -172,6 +179,34 @@ def test_another_node_that_commands_is_refused(start, simulator, probe):
         'commanded' in output
 
 
+@pytest.mark.slow
+def test_a_right_file(begun_early, heard_early):
+    code, output, errors = begun_early['right'].ended()
+    assert (code, errors) == (0, ''), output
+    assert 'WRONG' not in output
+    assert output.endswith('all that could be told agrees with the file\n')
+    assert 'theta_3' in output
+    heard_early.spin(0.2)
+    assert not any(heard_early.commands[-1].data)
+
+
+@pytest.mark.slow
+def test_a_wrong_order(begun_early):
+    code, output, _ = begun_early['wrong'].ended()
+    assert code == 1
+    report = json.loads(output)
+    (found,) = [one for one in report['findings'] if one['level'] == 'wrong']
+    assert (found['entry'], found['probable']) == ('actuators', ['theta_1', 'theta_2', 'theta_3'])
+    assert report['stopped'] is None
+    assert len(report['motions']) == 3
+
+
+def test_without_a_machine_it_says_so_in_one_line(begun_early):
+    code, output, errors = ended(begun_early['nobody'].running)
+    assert (code, output) == (2, '')
+    assert errors == 'fault_tolerance: no joint state on /nobody/joint_states (0 publishers)\n'
+
+
 def test_joint_states_that_cease_stop_it(moving, probe):
     node, running = moving
     os.killpg(node.process.pid, signal.SIGSTOP)
@@ -211,31 +246,3 @@ def test_a_failure_that_is_reported_stops_it(moving, probe):
     publisher.publish(DiagnosticArray(status=[mine]))
     assert stopped(moving, probe) == 'theta_2 is reported to have failed: too hot'
     probe.node.destroy_publisher(publisher)
-
-
-@pytest.mark.slow
-def test_a_right_file(begun_early, heard_early):
-    code, output, errors = begun_early['right'].ended()
-    assert (code, errors) == (0, ''), output
-    assert 'WRONG' not in output
-    assert output.endswith('all that could be told agrees with the file\n')
-    assert 'theta_3' in output
-    heard_early.spin(0.2)
-    assert not any(heard_early.commands[-1].data)
-
-
-@pytest.mark.slow
-def test_a_wrong_order(begun_early):
-    code, output, _ = begun_early['wrong'].ended()
-    assert code == 1
-    report = json.loads(output)
-    (found,) = [one for one in report['findings'] if one['level'] == 'wrong']
-    assert (found['entry'], found['probable']) == ('actuators', ['theta_1', 'theta_2', 'theta_3'])
-    assert report['stopped'] is None
-    assert len(report['motions']) == 3
-
-
-def test_without_a_machine_it_says_so_in_one_line(begun_early):
-    code, output, errors = ended(begun_early['nobody'].running)
-    assert (code, output) == (2, '')
-    assert errors == 'fault_tolerance: no joint state on /nobody/joint_states (0 publishers)\n'
