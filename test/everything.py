@@ -3,9 +3,10 @@
 """Run the whole suite, ``python test/everything.py [arguments of pytest]``, on two processors.
 
 Each test runs once. Those of running nodes run with the fields of messages checked, and commands
-by numpy; only those that measure time (marked ``timed``) run as users run the nodes, at the end,
-with nothing beside them. All others run side by side, a module of tests here and another there,
-and what needs no nodes gives way to them. Every group must pass, and none may be empty.
+by numpy; those that need nodes in real time (marked ``paced``) run as users run them, one after
+the other, beside nothing but what gives way, and those that measure time (``timed``) at the end,
+alone. All others run side by side, a module of tests here and another there, and what needs no
+nodes gives way to them. Every group must pass, and none may be empty.
 """
 
 from __future__ import annotations
@@ -34,13 +35,18 @@ PACKAGING = 'packaging'
 """The folder that needs no machine code: it begins while that is made."""
 
 CHECKED = {'ROS_PYTHON_CHECK_FIELDS': '1'}
-# The matrices are small, and all processors are taken.
-BESIDE_OTHERS = {'OPENBLAS_NUM_THREADS': '1', 'FAULT_TOLERANCE_PARTS': '1'}
+# The matrices are small, and all processors are taken. Hundreds of processes import the package:
+# its bytecode is kept, also where the user would rather have it made again each time.
+BESIDE_OTHERS = {'OPENBLAS_NUM_THREADS': '1', 'FAULT_TOLERANCE_PARTS': '1',
+                 'PYTHONDONTWRITEBYTECODE': ''}
 LONGEST = (
-    'system/test_soak.py', 'ros/test_start_and_end.py', 'ros/test_controller_inputs.py',
-    'ros/test_operator_cli.py', 'ros/test_every_failure.py', 'core/test_closed_loop.py',
-    'core/kinematics/test_against_reference.py', 'core/campaign/test_campaign.py',
-    'core/analysis/test_drawing.py', 'core/test_cli.py', 'core/test_mujoco_loop.py',
+    'system/test_soak.py', 'ros/test_commission.py', 'ros/test_start_and_end.py',
+    'ros/test_operator_cli.py', 'ros/test_controller_inputs.py', 'ros/test_every_failure.py',
+    'ros/test_recovery.py', 'core/detection/test_every_single_failure.py',
+    'core/commissioning/test_first_motion.py', 'core/kernel/test_against_definitions.py',
+    'core/detection/test_separations_of_plants.py', 'core/detection/test_false_alarms.py',
+    'core/test_cli.py', 'core/campaign/test_campaign.py', 'core/design/test_maps.py',
+    'core/design/test_designs.py', 'core/analysis/test_drawing.py',
 )
 """These begin first, so that nobody waits for them in the end."""
 
@@ -69,18 +75,20 @@ def modules_of(*folders: str) -> list[str]:
     return [f'{HERE.name}/{name}' for name in found]
 
 
-def groups() -> tuple[list[Group], Group]:
-    """Return what runs side by side, and what runs alone after it."""
+def groups() -> tuple[list[Group], Group, Group]:
+    """Return what runs side by side, the one beside the polite ones, and the one after all."""
     folders = sorted({path.relative_to(HERE).parts[0] for path in HERE.rglob('test_*.py')})
     others = modules_of(*(name for name in folders if name not in (NODES, CORE, PACKAGING)))
     nodes, core, packaging = modules_of(NODES), modules_of(CORE), modules_of(PACKAGING)
-    timed = [name for name in nodes if 'mark.timed' in (HERE.parent / name).read_text()]
+    paced, timed = (
+        Group(mark, [name for name in nodes if f'mark.{mark}' in (HERE.parent / name).read_text()],
+              1, ('-m', mark)) for mark in ('paced', 'timed'))
     return [
         Group('packaging', packaging, 1, (), BESIDE_OTHERS),
-        Group('nodes', nodes, 2, ('-m', 'not timed'), {**BESIDE_OTHERS, **CHECKED}),
+        Group('nodes', nodes, 3, ('-m', 'not paced and not timed'), {**BESIDE_OTHERS, **CHECKED}),
         Group('others', others, 1, (), BESIDE_OTHERS),
         Group('core', core, 2, (), BESIDE_OTHERS, polite=True),
-    ], Group('timed', timed, 1, ('-m', 'timed'))
+    ], paced, timed
 
 
 def give_way() -> None:
@@ -251,29 +259,32 @@ def main(arguments: list[str]) -> int:
     begin = time.monotonic()
     # What has been started is ended at either signal.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    side_by_side, alone = groups()
+    side_by_side, paced, alone = groups()
     result = Result(whole=not arguments)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         running: list[list[Part]] = []
+
+        def started(group: Group, quiet: bool = True) -> list[Part]:
+            running.append([Part(group, number, folder, arguments, quiet)
+                            for number in range(1, group.processes + 1)])
+            return running[-1]
+
         try:
             for group in side_by_side:
-                running.append([
-                    Part(group, number, folder, arguments, quiet=True)
-                    for number in range(1, group.processes + 1)
-                ])
+                started(group)
                 if group.name == PACKAGING:
                     # Compiled once, and not by every test that starts a node.
                     subprocess.run([sys.executable, '-m', 'fault_tolerance.kernel'],
                                    cwd=HERE.parent, check=False)
-            for group, parts in zip(side_by_side, running, strict=True):
+            for group, parts in zip(side_by_side, running.copy(), strict=True):
                 if group.polite:
-                    # All that it gave way to has ended.
+                    # What it gave way to has ended: now to one test of running nodes at a time.
+                    result.add(started(paced, quiet=False))
                     for part in parts:
                         part.hurry()
                 result.add(parts)
-            running.append([Part(alone, 1, folder, arguments, quiet=False)])
-            result.add(running[-1])
+            result.add(started(alone, quiet=False))
         finally:
             for parts in running:
                 for part in parts:

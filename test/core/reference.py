@@ -31,22 +31,20 @@ def strut_motion(strut, values, point):
     The tip is the displacement of the platform: rotation matrix and image of the base origin.
     """
     turn, shift = np.eye(3), np.zeros(3)
-    axes = []
-    for joint, value in zip(strut.joints, values, strict=True):
-        axes.append((turn @ joint.axis, turn @ joint.point + shift))
+    moves = np.array([joint.axis for joint in strut.joints]) * np.asarray(values)[:, None]
+    steps = Rotation.from_rotvec(moves).as_matrix()
+    axes, on_axes = np.empty_like(moves), np.empty_like(moves)
+    for k, joint in enumerate(strut.joints):
+        axes[k], on_axes[k] = turn @ joint.axis, turn @ joint.point + shift
         if joint.kind == 'prismatic':
-            shift = turn @ (joint.axis * value) + shift
+            shift = turn @ moves[k] + shift
         else:
-            step = Rotation.from_rotvec(joint.axis * value).as_matrix()
-            shift = turn @ (joint.point - step @ joint.point) + shift
-            turn = turn @ step
-    twists = []
-    for joint, (axis, on_axis) in zip(strut.joints, axes, strict=True):
-        if joint.kind == 'prismatic':
-            twists.append(np.concatenate([np.zeros(3), axis]))
-        else:
-            twists.append(np.concatenate([axis, np.cross(axis, point - on_axis)]))
-    return turn, shift, np.array(twists).T
+            shift = turn @ (joint.point - steps[k] @ joint.point) + shift
+            turn = turn @ steps[k]
+    twists = np.hstack([axes, np.cross(axes, point - on_axes)])
+    slides = [joint.kind == 'prismatic' for joint in strut.joints]
+    twists[slides] = np.hstack([np.zeros_like(axes), axes])[slides]
+    return turn, shift, twists.T
 
 
 class Loops:

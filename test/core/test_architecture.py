@@ -6,6 +6,7 @@ import ast
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -87,25 +88,28 @@ def room(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix('.py')
 
 
-IMPORTS = {path: imported(path) for path in sorted(PACKAGE.rglob('*.py'))}
+@cache
+def imports():
+    """Return what every module of the package imports."""
+    return {path: imported(path) for path in sorted(PACKAGE.rglob('*.py'))}
 
 
 def offences(wrong, rooms=tuple(LAYERS)):
     """Return what in the ``rooms`` imports something ``wrong`` says is wrong."""
     return [
         f'{path.relative_to(ROOT)} imports {name}'
-        for path, names in IMPORTS.items()
+        for path, names in imports().items()
         for name in sorted(names)
         if room(path) in rooms and wrong(room(path), name)
     ]
 
 
 def test_every_room_has_its_floor():
-    assert {room(path) for path in IMPORTS} <= set(LAYERS)
+    assert {room(path) for path in imports()} <= set(LAYERS)
 
 
 def test_every_file_has_a_name_of_its_own():
-    stems = [path.stem for path in IMPORTS if not path.stem.startswith('__')]
+    stems = [path.stem for path in imports() if not path.stem.startswith('__')]
     assert sorted(set(stems)) == sorted(stems)
 
 
@@ -143,7 +147,7 @@ def test_the_kernel_is_plain_loops_that_know_of_no_compiler():
     """But for the one module that compiles them, and its command."""
     makers = ('compilation.py', '__main__.py')
     allowed = {'__future__', 'dataclasses', 'math', 'numpy', 'typing', PACKAGE.name}
-    for path, names in IMPORTS.items():
+    for path, names in imports().items():
         roots = {name.partition('.')[0] for name in names}
         if room(path) == 'kernel' and path.name not in makers:
             assert roots <= allowed, path
@@ -220,6 +224,6 @@ def test_the_core_and_the_command_line_run_without_ros():
     )
     assert done.returncode == 0, done.stderr
     assert '"tolerable": true' in done.stdout
-    outside = [path for path in IMPORTS if room(path) not in ('nodes', '__init__')
+    outside = [path for path in imports() if room(path) not in ('nodes', '__init__')
                and path.stem != '__main__']
     assert done.stderr.split()[-2:] == [str(len(outside)), 'modules']

@@ -17,7 +17,7 @@ from fault_tolerance.mechanism.catalogue import mechanism_named
 MECHANISM = mechanism_named('mirror_4_strut')
 
 
-TURNS = 2.0
+TURNS = 1.0
 """Seconds: periods of the circle, as many before a failure, at once after it, and later."""
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from fault_tolerance.cli import main
 from fault_tolerance.design.specification import specification_from_file
 from fault_tolerance.mechanism.files import mechanism_from_text
 
@@ -146,7 +147,7 @@ def sessions(path):
     for block in blocks(path, 'console'):
         for command, printed in re.findall(r'^\$ (.*)\n((?:(?!\$ ).*\n)*)', block, re.MULTILINE):
             if command.startswith('python -m fault_tolerance '):
-                yield shlex.split(command)[1:], lines_of(printed)
+                yield shlex.split(command)[3:], lines_of(printed)
 
 
 def same(printed, shown):
@@ -156,13 +157,19 @@ def same(printed, shown):
 
 
 @pytest.mark.parametrize('path', DOCUMENTS, **by_name)
-def test_commands_print_what_is_shown(path, tmp_path):
+def test_commands_print_what_is_shown(path, tmp_path, monkeypatch, capsys):
+    """In this process: `test_cli.py` has it as a program."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('COLUMNS', '80')
     for text in (*blocks(path, 'yaml'), *blocks(path, 'csv')):
         name = re.match(r'# (\S+\.(?:yaml|csv))\n', text)
         if name:
             (tmp_path / name.group(1)).write_text(text, encoding='utf-8')
     for command, shown in sessions(path):
-        printed = lines_of(python(*command, folder=tmp_path))
+        code = main(command)
+        found = capsys.readouterr()
+        assert (code, found.err) == (0, ''), command
+        printed = lines_of(found.out)
         assert same(printed, shown), '\n'.join([shlex.join(command), *printed])
 
 
@@ -204,6 +211,6 @@ def listed_keys(heading):
     ('measures --json', ['measures', 'fsm_4_strut', '--pairs']),
     ('check --json', ['check', 'fsm_4_strut']),
 ])
-def test_every_key_is_explained(tmp_path, heading, options):
-    report = json.loads(python('-m', 'fault_tolerance', *options, '--json', folder=tmp_path))
-    assert listed_keys(heading) == set(report)
+def test_every_key_is_explained(capsys, heading, options):
+    assert main([*options, '--json']) == 0
+    assert listed_keys(heading) == set(json.loads(capsys.readouterr().out))

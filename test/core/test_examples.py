@@ -5,10 +5,13 @@
 import ast
 import os
 import re
+import runpy
 import subprocess
 import sys
 import tempfile
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -54,39 +57,53 @@ def test_they_are_numbered_without_gaps():
 
 @cache
 def run(name):
-    """Run an example once, in an empty folder; return what it did and what it left there."""
+    """Run an example once, in an empty folder; return its output, errors and what it left there.
+
+    In this process, but for the first one.
+    """
+    path, before, arguments = str(REPOSITORY / 'examples' / name), os.getcwd(), sys.argv
     with tempfile.TemporaryDirectory() as folder:
-        found = subprocess.run(
-            [sys.executable, str(REPOSITORY / 'examples' / name)], cwd=folder, text=True,
-            capture_output=True, check=False,
-            env={**os.environ, 'PYTHONPATH': str(REPOSITORY)})
-        return found, os.listdir(folder)
+        if name == next(iter(PRINTED)):
+            done = subprocess.run(
+                [sys.executable, path], cwd=folder, text=True, capture_output=True, check=True,
+                env={**os.environ, 'PYTHONPATH': str(REPOSITORY)})
+            return done.stdout, done.stderr, os.listdir(folder)
+        output, errors = StringIO(), StringIO()
+        os.chdir(folder)
+        sys.argv = [path]
+        try:
+            with redirect_stdout(output), redirect_stderr(errors):
+                runpy.run_path(path, run_name='__main__')
+            return output.getvalue(), errors.getvalue(), os.listdir()
+        finally:
+            os.chdir(before)
+            sys.argv = arguments
 
 
 @pytest.mark.parametrize('path', EXAMPLES, ids=lambda path: path.stem)
 def test_it_runs(path):
-    found, left = run(path.name)
-    assert (found.returncode, found.stderr) == (0, '')
+    output, errors, left = run(path.name)
+    assert errors == ''
     for line in PRINTED[path.name]:
-        assert line in found.stdout
+        assert line in output
     assert left == []
 
 
 def test_recovery_is_worth_it():
-    found, _ = run('06_closed_loop.py')
-    errors = [float(number) for number in re.findall(r'error +([\d.]+) urad', found.stdout)]
+    output, _, _ = run('06_closed_loop.py')
+    errors = [float(number) for number in re.findall(r'error +([\d.]+) urad', output)]
     _, recovered, _, unrecovered = errors
     assert recovered < 30.0 < 300.0 < unrecovered
 
 
 def test_the_engines_agree_on_pointing():
     """Within what docs/simulation.md promises: 1 urad rms where recovered, elsewhere 1 %."""
-    found, _ = run('09_two_engines.py')
-    tracked, = re.findall(r'recovers, the engines differ by ([\d.]+) urad', found.stdout)
-    lost, = re.findall(r'elsewhere by ([\d.]+) % of the error', found.stdout)
+    output, _, _ = run('09_two_engines.py')
+    tracked, = re.findall(r'recovers, the engines differ by ([\d.]+) urad', output)
+    lost, = re.findall(r'elsewhere by ([\d.]+) % of the error', output)
     assert float(tracked) <= 1.0
     assert float(lost) <= 1.0
-    states = re.findall(r'(nominal|degraded|stopped) +[\d.]+ +[\d.]+ ', found.stdout)
+    states = re.findall(r'(nominal|degraded|stopped) +[\d.]+ +[\d.]+ ', output)
     assert states == 2 * ['nominal', *4 * ['degraded'], 'stopped']
 
 

@@ -6,6 +6,7 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -19,10 +20,15 @@ LONGEST_IN_KERNEL = 100
 MOST_PARAMETERS = 12
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
-TREES = {
-    path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding='utf-8'))
-    for path in sorted(PACKAGE.rglob('*.py'))
-}
+
+
+@cache
+def trees():
+    """Return the modules of the package, parsed, by their places."""
+    return {
+        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding='utf-8'))
+        for path in sorted(PACKAGE.rglob('*.py'))
+    }
 
 
 def offenders(found):
@@ -120,7 +126,7 @@ def too_large(name: str, tree) -> dict[str, str]:
 
 def test_no_module_is_too_long():
     lengths = {name: len((PACKAGE / name).read_text(encoding='utf-8').splitlines())
-               for name in TREES}
+               for name in trees()}
     found = {name: f'{count} lines, at most {LONGEST_MODULE}'
              for name, count in lengths.items() if count > LONGEST_MODULE}
     wrong = offenders(found)
@@ -129,16 +135,16 @@ def test_no_module_is_too_long():
 
 def test_no_function_is_too_long_or_takes_too_much():
     found = {}
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         found |= too_large(name, tree)
     wrong = offenders(found)
     assert not wrong, said(wrong)
 
 
 def test_no_name_of_a_file_comes_twice():
-    stems = Counter(Path(name).stem for name in TREES)
+    stems = Counter(Path(name).stem for name in trees())
     found = {
-        stem: ', '.join(name for name in TREES if Path(name).stem == stem)
+        stem: ', '.join(name for name in trees() if Path(name).stem == stem)
         for stem, count in stems.items() if count > 1 and stem not in ('__init__', '__main__')
     }
     wrong = offenders(found)
@@ -146,7 +152,7 @@ def test_no_name_of_a_file_comes_twice():
 
 
 def test_public_functions_say_what_they_take_return_and_raise():
-    found = {name: '; '.join(missing) for name, tree in TREES.items()
+    found = {name: '; '.join(missing) for name, tree in trees().items()
              if (missing := undocumented(tree))}
     wrong = offenders(found)
     assert not wrong, said(wrong)

@@ -13,16 +13,23 @@ import pytest
 from everything import LONGEST, groups
 
 TEST_FOLDER = Path(__file__).resolve().parents[1]
-TIMED = 'import pytest\n\n@pytest.mark.timed\ndef test_that_takes_time():\n    pass\n\n'
+TIMED = ('import pytest\n\n@pytest.mark.timed\ndef test_that_takes_time():\n    pass\n\n'
+         '@pytest.mark.paced\ndef test_that_keeps_pace():\n    pass\n\n')
 PASSES = 'def test_that_passes():\n    pass\n\n'
 FAILS = 'def test_that_fails():\n    assert 1 == 2\n'
 CHECKED = ('import os, pytest\n\ndef test_environment():\n'
            "    assert os.environ['ROS_PYTHON_CHECK_FIELDS'] == '1'\n\n"
            '@pytest.mark.timed\ndef test_time():\n'
-           "    assert 'ROS_PYTHON_CHECK_FIELDS' not in os.environ\n")
-GIVES_WAY = ('import os\n\ndef test_that_it_gives_way():\n'
-             '    assert os.sched_getscheduler(0) == os.SCHED_IDLE\n'
-             "    open('given', 'w').close()\n")
+           "    assert 'ROS_PYTHON_CHECK_FIELDS' not in os.environ\n\n"
+           '@pytest.mark.paced\ndef test_pace():\n'
+           "    assert 'ROS_PYTHON_CHECK_FIELDS' not in os.environ\n"
+           "    open('kept', 'w').close()\n")
+GIVES_WAY = ('import os, time\n\ndef test_that_it_gives_way():\n'
+             "    open('given', 'w').close()\n"
+             '    end = time.monotonic() + 60.0\n'
+             "    while not os.path.exists('kept') and time.monotonic() < end:\n"
+             '        assert os.sched_getscheduler(0) == os.SCHED_IDLE\n'
+             '        time.sleep(0.01)\n')
 # Those that others give way to end later, here.
 HAS_ITS_WAY = ('import os, time\n\ndef test_that_it_does_not():\n'
                '    assert os.sched_getscheduler(0) != os.SCHED_IDLE\n'
@@ -69,8 +76,8 @@ def test_every_test_runs_once_checked_or_timed_and_politely_without_nodes(run_ev
     result = run_everything(core=GIVES_WAY, ros=CHECKED, new=PASSES,
                             system=HAS_ITS_WAY + PASSES, table=table)
     assert result.returncode == 0, result.stdout + result.stderr
-    assert ' 7 passed in ' in last_line(result)
-    assert result.stdout.count('test/ros/test_of_ros.py .') == 2
+    assert ' 8 passed in ' in last_line(result)
+    assert result.stdout.count('test/ros/test_of_ros.py .') == 3
     for name in ('core', 'system', 'packaging', 'new'):
         assert result.stdout.count(f'test/{name}/test_of_{name}.py .') == 1
 
@@ -79,7 +86,7 @@ def test_a_failure_of_any_part_counts_and_so_does_what_the_table_names(run_every
     table = '`core/test_of_core.py::test_that_fails` `core/test_of_core.py::test_that_passes`'
     result = run_everything(ros=TIMED + FAILS, core=PASSES + FAILS, table=table)
     assert result.returncode == 1, result.stdout
-    assert ' 2 failed, 4 passed, 1 error in ' in last_line(result)
+    assert ' 2 failed, 5 passed, 1 error in ' in last_line(result)
     assert 'assert 1 == 2' in result.stdout
     assert 'not passed: core/test_of_core.py::test_that_fails\n' in result.stdout
     assert 'not passed: core/test_of_core.py::test_that_passes' not in result.stdout
@@ -93,7 +100,7 @@ def test_a_part_that_runs_nothing_fails(run_everything, turn):
         for place, name in enumerate(('ros', 'core', 'system', 'packaging'))
     })
     assert result.returncode == 1, result.stdout
-    for name in ('packaging', 'nodes', 'others', 'core', 'timed'):
+    for name in ('packaging', 'nodes', 'others', 'core', 'paced', 'timed'):
         assert f'\n{name}: ended without a result, or nothing has run\n' in result.stdout
     assert 'passed' not in last_line(result)
 
@@ -110,7 +117,7 @@ def test_fixtures_of_a_folder_end_where_the_next_module_is_taken_by_another(run_
         (folder / f'test_{number}.py').write_text(source)
     result = run_everything()
     assert result.returncode == 0, result.stdout
-    assert f' {12 * 3 + 5} passed in ' in last_line(result)
+    assert f' {12 * 3 + 6} passed in ' in last_line(result)
 
 
 def test_arguments_are_passed_on(run_everything):
@@ -122,10 +129,11 @@ def test_arguments_are_passed_on(run_everything):
 
 
 def test_every_module_belongs_to_one_group():
-    side_by_side, alone = groups()
+    side_by_side, paced, alone = groups()
     modules = [name for group in side_by_side for name in group.modules]
     assert sorted(modules) == sorted(
         str(path.relative_to(TEST_FOLDER.parent)) for path in TEST_FOLDER.rglob('test_*.py'))
     assert {group.name for group in side_by_side} == {'packaging', 'nodes', 'others', 'core'}
-    assert set(alone.modules) < set(modules)
+    for one in (paced, alone):
+        assert set() < set(one.modules) < set(modules)
     assert {f'test/{name}' for name in LONGEST} <= set(modules)

@@ -31,6 +31,9 @@ from std_srvs.srv import SetBool, Trigger
 
 from fault_tolerance.nodes.spinning import make_executor
 
+CALM = 50.0
+"""Joint states a second where it does not matter how many there are; by default twice as many."""
+
 PATIENCE = 30.0
 """Seconds; far beyond what anything takes, so that a busy machine is no failure."""
 

@@ -8,7 +8,7 @@ from math import dist, hypot
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from node_rig import LATCHED, Probe, values_of
+from node_rig import CALM, LATCHED, Probe, values_of
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Float64, Float64MultiArray, String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -104,8 +104,9 @@ def is_known(node, root):
 def running(start_for_module, ros, namespace):
     """All three nodes of the demonstration, and a probe that has heard of them."""
     processes = [
-        start_for_module(module, namespace, mechanism='mirror_4_strut')
-        for module in ('fsm_simulator', 'controller', 'pointing_reference')
+        start_for_module(module, namespace, mechanism='mirror_4_strut', **parameters)
+        for module, parameters in (
+            ('fsm_simulator', {'rate': CALM}), ('controller', {}), ('pointing_reference', {}))
     ]
     probe = Probe(namespace)
     root = f'/{namespace}/' if namespace else '/'

@@ -42,6 +42,7 @@ def rms(probe, errors):
     return float(np.sqrt((found**2).sum(axis=1).mean()))
 
 
+@pytest.mark.paced
 def test_it_is_braked_and_goes_on(machine, probe):
     brakes = probe.heard(Float64MultiArray, 'fault_tolerance/brake_commands', 10)
     controller, faults, errors = machine()

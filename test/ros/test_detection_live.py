@@ -73,7 +73,7 @@ class Machine:
         return float(np.sqrt((errors**2).sum(axis=1).mean()))
 
 
-@pytest.mark.timed
+@pytest.mark.paced
 def test_a_silent_stuck_drive_is_named_and_handled(start, probe):
     machine = Machine(start, probe, 'act')
     begun = machine.inject('silent stuck theta_4')

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from node_rig import Probe
+from node_rig import CALM, Probe
 from std_msgs.msg import String
 
 from fault_tolerance.kinematics.failures import failure_set
@@ -30,8 +30,8 @@ class Mirror:
 
     def __init__(self, name: str, start) -> None:
         self.mechanism = mechanism_named(name)
-        modules = ('fsm_simulator', 'controller')
-        self._processes = [start(module, mechanism=name) for module in modules]
+        self._processes = [start('fsm_simulator', mechanism=name, rate=CALM),
+                           start('controller', mechanism=name)]
         self.probe = Probe()
         self._faults = self.probe.node.create_publisher(String, 'fsm/inject_fault', 10)
         self.probe.wait(self._faults.get_subscription_count, 'the simulator')

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fault_tolerance.nodes.heartbeat import ALIVE
 
 
-@pytest.mark.timed
+@pytest.mark.paced
 def test_a_controller_that_has_died_is_told_of_by_the_others(start, probe):
     start('fsm_simulator', mechanism='mirror_4_strut')
     start('pointing_reference', mechanism='mirror_4_strut')

@@ -30,15 +30,10 @@ class Machine:
         self.probe = Probe()
         self._diagnostics = self.probe.heard(DiagnosticArray, '/diagnostics')
         self.process = start('controller', mechanism='fsm_4_strut')
-        self.probe.wait_for_state('waiting')
-        self.probe.wait(lambda: self.health, 'the health of the controller')
-        self.first = self.health
-        # In the log with the next status.
-        hint = 'no joint state yet on /joint_states'
-        self.probe.wait(lambda: hint in self.process.output, 'the hint')
         self.plant = Plant(self.probe, NAMES)
         self.plant.connect()
         self.plant.asked = ASKED
+        self.probe.wait(lambda: self.health, 'the health of the controller')
 
     @property
     def health(self) -> DiagnosticStatus | None:
@@ -108,10 +103,23 @@ def machine(shared_machine):
         assert complaint not in shared_machine.process.output
 
 
-def test_while_it_waits_it_says_what_for(shared_machine):
-    first = shared_machine.first
-    assert first.level == DiagnosticStatus.STALE
-    assert 'no joint state yet on /joint_states (0 publishers; any reliability' in first.message
+def test_while_it_waits_it_says_what_for(start, ros):
+    probe = Probe('patient')
+    heard = probe.heard(DiagnosticArray, '/diagnostics')
+    process = start('controller', 'patient', mechanism='fsm_4_strut')
+
+    def told():
+        return [status for message in heard for status in message.status
+                if status.name == 'patient/fault_tolerance: controller']
+
+    probe.wait_for_state('waiting')
+    probe.wait(told, 'the health of the controller')
+    assert told()[-1].level == DiagnosticStatus.STALE
+    hint = 'no joint state yet on /patient/joint_states (0 publishers; any reliability'
+    assert hint in told()[-1].message
+    # In the log with the next status.
+    probe.wait(lambda: hint in process.output, 'the hint')
+    probe.close()
 
 
 def stamped(machine, stamp: Time) -> JointState:

@@ -14,11 +14,11 @@ from statistics import median
 
 import pytest
 from geometry_msgs.msg import TwistStamped, Vector3Stamped
-from node_rig import LockstepClock, Probe, rms
+from node_rig import CALM, LockstepClock, Probe, rms
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
-PERIODS = 3
+PERIODS = 2
 SETTLING = 1.0
 
 
@@ -134,7 +134,7 @@ def test_a_silent_failure_is_noticed_and_its_repair_is_not_another_one(start, pr
 
 
 def test_a_controller_that_is_restarted_learns_of_the_failures_again(start, probe):
-    start('fsm_simulator')
+    start('fsm_simulator', rate=CALM)
     first = start('controller')
     faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
     probe.wait(faults.get_subscription_count, 'the simulator')
@@ -151,7 +151,7 @@ def test_a_controller_that_is_restarted_learns_of_the_failures_again(start, prob
 
 
 def test_a_failure_stays_when_its_reporter_dies(start, probe):
-    simulator = start('fsm_simulator')
+    simulator = start('fsm_simulator', rate=CALM)
     start('controller', report_timeout=0.5)
     faults = probe.node.create_publisher(String, 'fsm/inject_fault', 10)
     probe.wait(faults.get_subscription_count, 'the simulator')

@@ -74,7 +74,7 @@ class Relay:
         return publisher, count
 
 
-@pytest.mark.timed
+@pytest.mark.paced
 def test_a_recording_gives_what_the_live_detection_said(start, rig, tmp_path, capsys):
     recorder = Recorder(rig.node)
     heard = rig.heard(DiagnosticArray, '/diagnostics', 100)

@@ -9,7 +9,7 @@ import time
 
 import pytest
 from geometry_msgs.msg import TwistStamped
-from node_rig import Probe
+from node_rig import CALM, Probe
 from std_msgs.msg import String
 
 ASKED = (0.001, 0.002)
@@ -27,7 +27,8 @@ class Pair:
         )
 
     def start(self, module: str):
-        return self._start(module, mechanism='fsm_4_strut')
+        rate = {'rate': CALM} if module == 'fsm_simulator' else {}
+        return self._start(module, mechanism='fsm_4_strut', **rate)
 
     def inject(self, words: str, **reported: str) -> None:
         """Break or mend something, and wait until the metrics show the failures it leaves."""

@@ -47,13 +47,6 @@ BAD = [
 ]
 
 
-def refusal(process) -> str:
-    """Return the one line a process that did not start has printed."""
-    assert process.process.wait(PATIENCE) not in (0, None)
-    (line,) = process.output.splitlines()
-    return line
-
-
 ONE_BY_ONE = """
 import json, sys
 from fault_tolerance.nodes.{} import main
@@ -62,10 +55,11 @@ for arguments in json.loads(sys.argv[1]):
 """
 
 
-@pytest.mark.parametrize('module', MODULES)
-def test_a_bad_parameter_is_named_in_one_line(module):
-    """In one process for each node: it starts, is refused, and starts again with the next."""
-    cases = [(parameters, name) for node, parameters, name in BAD if node == module]
+def refused(module, cases):
+    """Check that what each case names is refused in one line that says so.
+
+    In one process: the node starts, is refused, and starts again with the next.
+    """
     command_lines = [
         ['--ros-args', *(word for key, value in parameters.items()
                          for word in ('-p', f'{key}:={value}'))]
@@ -84,14 +78,17 @@ def test_a_bad_parameter_is_named_in_one_line(module):
 
 
 @pytest.mark.parametrize('module', MODULES)
-def test_a_bad_mechanism_file_is_named_in_one_line_with_key_and_reason(start, module, tmp_path):
+def test_a_bad_parameter_is_named_in_one_line(module, tmp_path):
+    """Of a bad mechanism file also the key and the reason."""
     file = tmp_path / 'mirror.yaml'
     file.write_text(
         'mechanism: mirror\nplatform: {origin: [0, 0]}\n'
         'task: {coordinates: [wx]}\nstruts: []\n'
     )
-    line = refusal(start(module, mechanism=str(file)))
-    assert f'{file}: platform.origin: ' in line
+    refused(module, [
+        *((parameters, name) for node, parameters, name in BAD if node == module),
+        ({'mechanism': str(file)}, f'{file}: platform.origin: '),
+    ])
 
 
 def test_a_parameter_nobody_knows_is_warned_of(start):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from node_rig import Probe, values_of
+from node_rig import CALM, Probe, values_of
 from std_msgs.msg import String
 
 NAMESPACES = ('left', 'right')
@@ -15,8 +15,8 @@ NAMESPACES = ('left', 'right')
 @pytest.fixture
 def robots(ros, start):
     for namespace in NAMESPACES:
-        for module in ('fsm_simulator', 'controller'):
-            start(module, namespace, mechanism='fsm_4_strut')
+        start('fsm_simulator', namespace, mechanism='fsm_4_strut', rate=CALM)
+        start('controller', namespace, mechanism='fsm_4_strut')
     probes = [Probe(namespace) for namespace in NAMESPACES]
     for probe in probes:
         probe.wait_for_state('nominal')
@@ -55,11 +55,11 @@ def test_what_breaks_on_one_does_not_reach_the_other(robots):
 
 
 def test_a_prefix_of_ones_own_may_be_chosen(start, probe):
-    start('fsm_simulator', mechanism='fsm_4_strut')
+    start('fsm_simulator', mechanism='fsm_4_strut', rate=CALM)
     start('controller', mechanism='fsm_4_strut', hardware_id_prefix='left')
     probe.wait_for_state('nominal')
     left = Probe('left')
-    start('fsm_simulator', 'left', mechanism='fsm_4_strut')
+    start('fsm_simulator', 'left', mechanism='fsm_4_strut', rate=CALM)
     faults = left.node.create_publisher(String, 'fsm/inject_fault', 10)
     left.wait(faults.get_subscription_count, 'the simulator')
     faults.publish(String(data='torque strut_4'))

@@ -26,7 +26,7 @@ class Machine:
     mechanism; ``delay`` is in seconds.
     """
 
-    def __init__(self, mechanism, *, encoders=1.0, drives=1.0, delay=0.0, period=0.02,
+    def __init__(self, mechanism, *, encoders=1.0, drives=1.0, delay=0.0, period=0.04,
                  motor=False, settings=None):
         self.mechanism, self.period = mechanism, period
         self.plant = ElasticPlant(mechanism, settings)

@@ -222,8 +222,8 @@ def test_a_drive_that_does_not_move(name):
 
 @pytest.mark.parametrize('name', ['serial_3r', 'mirror_4_strut'])
 def test_a_delay_is_measured_and_warned_of(name):
-    for delay in (0.03, 0.1, 0.3):
-        motion = found_by(name, delay=delay, period=0.01)
+    for delay in (0.04, 0.1, 0.3):
+        motion = found_by(name, delay=delay, period=0.02)
         assert not wrong_of(motion)
         assert motion.median_delay == pytest.approx(delay, abs=0.004)
         warned = [one.entry for one in motion.findings if one.level == 'warning']
@@ -406,9 +406,9 @@ def test_a_step_that_is_too_large_is_refused():
 
 
 def test_a_slow_drive_gets_more_time():
-    mechanism = shipped('mirror_3_strut', theta_1={'velocity': 1e-5})
+    mechanism = shipped('mirror_3_strut', theta_1={'velocity': 2e-5})
     plan = planned(mechanism, couplings(mechanism, np.zeros(3)))
-    assert plan.speeds[0] <= 1.0001e-6
+    assert plan.speeds[0] <= 2.0001e-6
     assert not wrong_of(commissioned(mechanism, Machine(mechanism), longest=1e3))
 
 

@@ -63,7 +63,7 @@ def unreliable(reference=None, **faults):
 ], ids=lambda fault: '_'.join(fault))
 def test_no_message_is_no_failure(fault, reference):
     loop = unreliable(reference, **fault)
-    loop.run(6.0)
+    loop.run(4.0)
     assert loop.monitor.detector.ready
     assert named(loop) == []
     loop.inject('silent stuck theta_2')
@@ -78,7 +78,7 @@ def test_drives_may_follow_late(told):
         servo_time_constant=0.004, monitor=MonitorSettings('advise', command_delay=told),
         reference=Raster(frequency=1.0),
     )
-    loop.run(6.0)
+    loop.run(4.0)
     assert named(loop) == []
     loop.inject('silent stuck theta_4')
     assert awaited(loop, 3.0) < 100

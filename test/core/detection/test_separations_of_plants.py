@@ -62,7 +62,8 @@ def shown(engine, mechanism, suspect, ways):
         mode, name = str(suspect).split(':')
         broken(plant, f'silent {MODES[mode]} {name}')
     # A heavy platform swings and sinks when something lets go of it.
-    for _ in range(2):
+    plant.step(1.0)
+    if mechanism.name == 'gough_stewart_8':
         plant.step(1.0)
     found = [channels(plant, settings)]
     for way in ways:
