@@ -135,12 +135,6 @@ ALLOWED_SKIPS = {
 }
 
 
-def pytest_configure(config):
-    config.addinivalue_line(
-        'markers', 'paced: needs running nodes in real time: one test after the other, as users '
-        'run them, beside nothing but what gives way')
-
-
 def pytest_runtest_setup(item):
     for reason, (mark, holds) in ALLOWED_SKIPS.items():
         if item.get_closest_marker(mark) and holds():
