@@ -40,6 +40,6 @@ class Plausibility:
 
 
 def _named(names: tuple[str, ...], chosen: BoolArray) -> tuple[str, ...]:
-    if not chosen.any():  # nearly always, and this runs at every step
+    if not any(chosen.tolist()):  # nearly always, and this runs at every step
         return ()
     return tuple(name for name, yes in zip(names, chosen, strict=True) if yes)

@@ -97,7 +97,9 @@ class RateCommand:
 
     def saturated(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Return those of the N actuators ``names`` that would have crossed a bound."""
-        flags = command_of(self.numbers).saturated.tolist()
+        flags = self.numbers[-len(names) :].tolist()
+        if not any(flags):  # nearly always, and this runs at every step
+            return ()
         return tuple(name for name, over in zip(names, flags, strict=True) if over)
 
 

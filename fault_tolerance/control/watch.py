@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf, nan
+from math import inf, nan, sqrt
 
 import numpy as np
 
@@ -59,16 +59,16 @@ class Tracking:
         elapsed = now - self._now
         if 0.0 <= elapsed <= LONGEST_GAP:
             self._travel = self._travel + elapsed * self._rates
-            self._path += elapsed * float(np.linalg.norm(self._scale * self._rates))
-            owed = rates.any() and self._path > self._shown
+            self._path += elapsed * _size(self._scale * self._rates)
+            owed = self._path > self._shown and rates.any()
             self.deaf = self.deaf + elapsed if owed else 0.0
         else:
             self._start = None
         self._now, self._rates = now, rates
         if values is None:
             return
-        moved = 0.0 if self._stood is None else self._scale * (values - self._stood)
-        if self._stood is None or np.linalg.norm(np.nan_to_num(moved)) > DEAF_SHARE * self._path:
+        stood = self._stood
+        if stood is None or _size(self._scale * (values - stood)) > DEAF_SHARE * self._path:
             self._stood, self.deaf, self._path = values, 0.0, 0.0
         if self._start is not None:
             begin, before = self._start
@@ -78,6 +78,12 @@ class Tracking:
             # Those of lost struts have no reading.
             self.error = float(np.fmax.reduce(missing, initial=0.0))
         self._start, self._travel = (now, values), 0.0 * self._scale
+
+
+def _size(lengths: FloatArray) -> float:
+    """Return the norm of ``lengths`` (N,), NaN as 0."""
+    square = float(lengths.dot(lengths))
+    return sqrt(square) if square == square else float(np.linalg.norm(np.nan_to_num(lengths)))
 
 
 class Watch:
