@@ -50,14 +50,9 @@ class ControlModel:
         return self.packed.view
 
     @cached_property
-    def size(self) -> int:
-        """How many numbers an estimate has."""
-        return self.packed.size
-
-    @cached_property
     def unknown(self) -> Estimate:
         """The estimate before there is any reading: home, but not located."""
-        numbers = np.zeros(self.size)
+        numbers = np.zeros(self.packed.size)
         pose = estimate_of(self.view, numbers).pose
         pose[:] = np.eye(4)
         pose[:3, 3] = self.mechanism.origin
@@ -185,7 +180,8 @@ class Estimate:
     @property
     def pose(self) -> FloatArray:
         """The platform frame in base axes, (4, 4)."""
-        return self.arrays.pose
+        # Asked for at every step, and all the arrays take ten times as long.
+        return self.numbers[self.model.packed.pose].reshape((4, 4))
 
     @property
     def joint_values(self) -> FloatArray:
@@ -262,7 +258,7 @@ def estimate(
     if values.flags.writeable:
         values = values.copy()
         values.setflags(write=False)
-    part, numbers = model.packed, np.empty(model.size)
+    part, numbers = model.packed, np.empty(model.packed.size)
     model.kernel.estimate(
         part.counts, part.numbers, flags, before.numbers, values, numbers, part.work)
     numbers.setflags(write=False)

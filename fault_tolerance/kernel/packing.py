@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,15 +44,20 @@ class PackedModel:
     measured: FloatArray
     work: FloatArray
 
-    @property
+    @cached_property
     def view(self) -> Model:
         """The parts by name."""
         return model_of(self.counts, self.numbers, self.work)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many numbers an estimate has."""
         return int(self.view.places[-1])
+
+    @cached_property
+    def pose(self) -> slice:
+        """Where the pose is among them."""
+        return slice(*self.view.places[3:5].tolist())
 
 
 def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:

@@ -146,7 +146,7 @@ def test_the_core_has_no_clock_and_no_log():
 def test_the_kernel_is_plain_loops_that_know_of_no_compiler():
     """But for the one module that compiles them, and its command."""
     makers = ('compilation.py', '__main__.py')
-    allowed = {'__future__', 'dataclasses', 'math', 'numpy', 'typing', PACKAGE.name}
+    allowed = {'__future__', 'dataclasses', 'functools', 'math', 'numpy', 'typing', PACKAGE.name}
     for path, names in imports().items():
         roots = {name.partition('.')[0] for name in names}
         if room(path) == 'kernel' and path.name not in makers:
