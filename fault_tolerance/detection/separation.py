@@ -118,7 +118,9 @@ def _largest_differences(shown: FloatArray) -> FloatArray:
     size = len(shown)
     result = np.zeros((size, size))
     for first in range(size - 1):
-        norms = np.linalg.norm(shown[first + 1 :] - shown[first], 2, axis=(1, 2))
+        sigma = np.linalg.svd(shown[first + 1 :] - shown[first], compute_uv=False)
+        # None where nothing can be commanded; older numpy has no norm of that.
+        norms = sigma.max(axis=1, initial=0.0)
         result[first, first + 1 :] = result[first + 1 :, first] = norms
     return frozen(result)
 

@@ -158,6 +158,7 @@ def test_a_signal_ends_the_other_nodes_too(start, probe, module, topic, number):
     assert least_time_to_end(running, number, ended) < 2.0
 
 
+@pytest.mark.paced
 def test_the_plant_stops_by_itself_when_the_controller_is_killed(start, probe):
     start('fsm_simulator')
     controller = start('controller')

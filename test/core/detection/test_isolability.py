@@ -10,6 +10,7 @@ import pytest
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
 from fault_tolerance.detection.isolability import isolability, isolability_report
 from fault_tolerance.detection.responses import Sensors
+from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -48,3 +49,13 @@ def test_a_mechanism_given_by_its_jacobian_is_told_apart_as_the_one_of_struts(se
     count = len(found.suspects)
     assert wanted.suspects[:count] == found.suspects
     np.testing.assert_allclose(found.separation, wanted.separation[:count, :count], atol=1e-9)
+
+
+def test_where_nothing_is_left_to_command_nothing_is_told_apart():
+    """Metrics say so while every drive has failed; numpy 1.26 has no norm of no columns."""
+    post = after(mechanism_named('mirror_4_strut'), [])
+    names = post.rows.mechanism.actuator_names
+    found = isolability(post.rows, failure_set(post.rows.mechanism, [
+        ('stuck', name) for name in names]))
+    assert found.suspects
+    assert not found.separation.any()
