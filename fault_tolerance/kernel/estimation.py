@@ -44,7 +44,7 @@ def estimate(
     readings : (N,) array
         Joint values from home; NaN where there is none.
     out : array
-        Of `estimate_size`.
+        As long as ``before``.
     work : array
         Of `workspace_size`.
     """
