@@ -38,6 +38,7 @@ ENGAGEMENT = 0.6
 
 _START_PATIENCE = 30.0
 _PATIENCE = 8.0
+_COMMANDS = 'velocity_controller/commands'
 _STEP = 0.05
 
 
@@ -72,6 +73,7 @@ class DemoPass:
             self._wait(
                 lambda: operator.ready and operator.is_recorded, 'the nodes', _START_PATIENCE
             )
+            self._require_sole_controller()
             self._wait_for_state('nominal')
             # That every node is there does not mean that commands reach the mirror.
             self._wait(lambda: operator.error < FOLLOWING, 'the mirror', _PATIENCE, missing=True)
@@ -80,6 +82,19 @@ class DemoPass:
                 self._show_phase(phase)
                 if phase.failures and phase is not phases[-1]:
                     self._mend(phase)
+
+    def _require_sole_controller(self) -> None:
+        """Raise `FaultToleranceError` if another controller commands in this ROS domain."""
+        def others() -> int:
+            return self._operator.count_publishers(_COMMANDS) - 1
+
+        # That of the pass before may still be known.
+        self._wait(lambda: others() <= 0, 'the others', _PATIENCE, missing=True)
+        if others() > 0:
+            raise FaultToleranceError(
+                f'{others()} more on {_COMMANDS} in this ROS domain: end that controller, or set'
+                ' another ROS_DOMAIN_ID'
+            )
 
     def _show_phase(self, phase: Phase) -> None:
         operator = self._operator

@@ -8,6 +8,8 @@ import sys
 from collections import Counter
 
 import pytest
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.analysis.bags import read_samples
 from fault_tolerance.analysis.topics import BRAKE_COMMANDS, RECORDED, RELEASE_COMMANDS
@@ -91,6 +93,19 @@ def test_recovery_is_seen_to_work(tmp_path):
     assert {'theta_4', 'degraded'} <= set(done.stdout.split())
     for name in ('report.svg', 'report.html'):
         assert (again / name).read_text() == (folder / name).read_text(), name
+
+
+@pytest.mark.paced
+def test_another_controller_in_the_domain_ends_the_demonstration(ros, tmp_path):
+    node = Node('left_behind')
+    node.create_publisher(Float64MultiArray, 'velocity_controller/commands', 10)
+    try:
+        done = subprocess.run([sys.executable, '-c', TWO_PHASES, str(tmp_path)],
+                              capture_output=True, text=True, timeout=90)
+    finally:
+        node.destroy_node()
+    assert done.returncode
+    assert '1 more on velocity_controller/commands' in done.stderr + done.stdout
 
 
 def test_a_node_that_cannot_start_ends_the_demonstration():
