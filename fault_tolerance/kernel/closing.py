@@ -147,8 +147,8 @@ def _open_ways(
         combined(1.0, strain, -dot(left[k], missing), left[k], strain)
     rest = matrix(m.work, len(openings), 6)
     for s in range(len(rest)):
-        factor = 1.0 if failed[s] == 0.0 else 0.0
-        combined(factor, openings[s], 0.0, openings[s], rest[s])
+        for c in range(6):
+            rest[s, c] = openings[s, c] if failed[s] == 0.0 else 0.0
     for i in range(g):
         own = rest[int(structure.owner[i])]
         for c in range(6):

@@ -9,7 +9,7 @@ told among the results, and the others are valid.
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf
 
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.closing import Closing, closed, largest_misfit, place
@@ -19,7 +19,7 @@ from fault_tolerance.kernel.model import EstimateArrays, Model, estimate_of, mod
 from fault_tolerance.kernel.motions import Kinematics
 from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.tolerances import COMPLIANCE_BAND, JUMP, MISFIT_BAND
+from fault_tolerance.tolerances import COMPLIANCE_BAND, FARTHEST, JUMP, MISFIT_BAND
 
 
 def estimate(
@@ -65,7 +65,7 @@ def estimate(
         facts[at.CONTRADICTORY] = 1.0 if facts[at.MISFIT] > limit else 0.0
     facts[at.UNREAD] = 0.0
     for j in range(len(strut)):
-        facts[at.UNREAD] += 0.0 if isfinite(target[j]) else 1.0
+        facts[at.UNREAD] += 0.0 if abs(target[j]) <= FARTHEST else 1.0
         e.actuators[j] = e.values[strut[j], joint[j]] if strut[j] >= 0 else 0.0
     present = _judged(m, e, last, failed)
     copied(failed, e.failed)
@@ -182,8 +182,9 @@ def _judged(
     same, facts, limit = True, e.facts, COMPLIANCE_BAND * m.law.compliance
     for i in range(len(failed)):
         same = same and failed[i] == last.failed[i]
-    compliance = m.law.compliance
+    compliance, mark = m.law.compliance, m.work[0]
     for _ in range(2):
+        m.work[0] = mark
         kinds = kinds_of(m, e, failed, compliance)
         nominal, present = kinds.nominal, kinds.present
         facts[at.NOMINAL_FREEDOM] = len(nominal.motions) + nominal.drifting

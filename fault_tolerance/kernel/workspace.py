@@ -31,10 +31,10 @@ def matrix(work: FloatArray, rows: int, columns: int) -> FloatArray:
 def workspace_size(s: int, k: int, n: int, task: int) -> int:
     """Return how many numbers are enough: ``s`` struts of ``k`` joints, ``n`` actuators.
 
-    Of the estimates, structures of at most six rows a strut, and kinematics of at most ``6 + n``
-    motions, several of each are in use at the same time; ``task`` coordinates.
+    Of estimates, structures of at most six rows a strut, and kinematics of at most ``6 + n``
+    motions several are in use at the same time, and all joints once; ``task`` coordinates.
     """
     estimate = 64 + (60 + 8 * k) * s + (20 + 2 * n) * n
     structure = 200 + 160 * s
-    kinematics = (6 + n) * (40 + 6 * n + 2 * task)
-    return 2 * estimate + 3 * structure + 8 * kinematics
+    kinematics = (6 + n) * (42 + 9 * n + 2 * task)
+    return 2 * estimate + 7 * s * k + 3 * structure + 8 * kinematics

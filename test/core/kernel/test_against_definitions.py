@@ -14,7 +14,7 @@ from core.kernel.kernel_cases import (
     singles,
     values_at,
 )
-from core.mechanisms import DOCUMENTS, by_numbers, made, random_machine, serial_3r
+from core.mechanisms import DOCUMENTS, by_numbers, made, random_machine, revolute, serial_3r
 
 from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.resolved_rate import no_command, rate_command
@@ -123,3 +123,32 @@ def test_the_kernel_as_python_stays_within_its_arrays():
                      no_command(model), 0.0)
         assert np.flatnonzero(~np.isnan(work)).max() < 0.7 * len(work), mechanism.name
     assert not deviations.over()
+
+
+def drives_in_series(count):
+    """Return a platform on a strut of ``count`` drives behind six hinges, and on two others."""
+    rng = np.random.default_rng(3)
+
+    def strut(name, passive, driven):
+        joints = [revolute(f'{name}_{place}', rng.normal(size=3), rng.uniform(-1.0, 1.0, 3),
+                           actuated=place >= passive) for place in range(passive + driven)]
+        return {'name': name, 'joints': joints}
+
+    return made({
+        'mechanism': 'series', 'task': {'coordinates': ['wx'], 'major': ['wx']},
+        'platform': {'origin': [0.1, 0.2, 0.3]}, 'characteristic_length': 1.0,
+        'struts': [strut('a', 6, count), strut('b', 5, 1), strut('c', 60, 1)],
+    })
+
+
+def test_there_is_room_for_many_drives_in_series_and_for_long_struts():
+    for count in (2, 14):
+        mechanism = drives_in_series(count)
+        model, names = modelled(mechanism, python_kernel()), mechanism.actuator_names
+        work, values = model.packed.work, np.zeros(len(names))
+        work.fill(np.nan)
+        failures = failure_set(mechanism, [('stuck', names[0]), ('free', names[1]), ('hard', 'b')])
+        found = estimate(model, model.unknown, values, failures)
+        assert found.located
+        found.measures()
+        assert np.flatnonzero(~np.isnan(work)).max() < 0.95 * len(work)
