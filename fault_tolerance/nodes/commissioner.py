@@ -31,6 +31,8 @@ _ACKNOWLEDGEMENT_TIMEOUT = 0.5
 _ZEROS = 3
 _NO_FAILURE = ('none', 'ok', 'healthy', 'clear')
 
+_UNKNOWN = 'NODE_NAME_UNKNOWN'
+
 
 class Commissioner(Node):
     """Listens to the joint states of ``mechanism`` in a ``namespace``; commands once it may.
@@ -64,8 +66,9 @@ class Commissioner(Node):
     @property
     def rivals(self) -> list[str]:
         """The other nodes that publish commands."""
-        found = self.get_publishers_info_by_topic(self.topic)
-        return sorted({one.node_name for one in found if one.node_name != self.get_name()})
+        found = {one.node_name for one in self.get_publishers_info_by_topic(self.topic)}
+        # A topic may be discovered before the name of its node.
+        return sorted('a node' if _UNKNOWN in one else one for one in found - {self.get_name()})
 
     @property
     def listeners(self) -> int:

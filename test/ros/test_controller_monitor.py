@@ -43,6 +43,7 @@ def test_it_tells_how_things_stand(robot, start):
     robot.wait(
         lambda: monitor.snapshot().actuators and monitor.snapshot().struts, 'measures'
     )
+    robot.wait(lambda: 'mirror' in monitor.snapshot().title, 'the status')
 
     healthy = monitor.snapshot()
     assert healthy.title == 'mirror_4_strut in /robot'
