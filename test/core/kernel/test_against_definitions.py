@@ -137,12 +137,12 @@ def drives_in_series(count):
     return made({
         'mechanism': 'series', 'task': {'coordinates': ['wx'], 'major': ['wx']},
         'platform': {'origin': [0.1, 0.2, 0.3]}, 'characteristic_length': 1.0,
-        'struts': [strut('a', 6, count), strut('b', 5, 1), strut('c', 60, 1)],
+        'struts': [strut('a', 6, count), strut('b', 5, 1), strut('c', 600, 1)],
     })
 
 
 def test_there_is_room_for_many_drives_in_series_and_for_long_struts():
-    for count in (2, 14):
+    for count in (2, 12):
         mechanism = drives_in_series(count)
         model, names = modelled(mechanism, python_kernel()), mechanism.actuator_names
         work, values = model.packed.work, np.zeros(len(names))
