@@ -258,9 +258,9 @@ def estimate(
     if values.flags.writeable:
         values = values.copy()
         values.setflags(write=False)
-    part, numbers = model.packed, np.empty(model.packed.size)
+    packed, numbers = model.packed, np.empty(model.packed.size)
     model.kernel.estimate(
-        part.counts, part.numbers, flags, before.numbers, values, numbers, part.work)
+        packed.counts, packed.numbers, flags, before.numbers, values, numbers, packed.work)
     numbers.setflags(write=False)
     unread, determined = None, True
     if numbers[at.UNREAD]:

@@ -15,9 +15,7 @@ from fault_tolerance.control.notices import Notice
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.parts import Actuator
-
-LARGEST_VALUE = 1e6
-"""Radians or metres; beyond it no reading is one, and squares of it would lose their meaning."""
+from fault_tolerance.tolerances import FARTHEST
 
 LARGEST_EFFORT = 1e12
 """N or N m; squares of what drivers leave in a field that they do not fill would overflow."""
@@ -37,9 +35,9 @@ class JointStateReader:
     """Reads the joint states of ``mechanism``.
 
     Where the joints stand in a message is found once: a publisher keeps their order. Whether
-    values can be used (`unusable`) is for who takes them. Messages that
-    have some of the joints each are put together, from readings at most ``timeout`` seconds old:
-    once all have come anew, or one of them comes again before the others.
+    values can be used (`unusable`) is for who takes them. Messages that have some of the joints
+    each are put together, from readings at most ``timeout`` seconds old: once all have come anew,
+    or one of them comes again before the others.
     """
 
     def __init__(self, mechanism: Mechanism, timeout: float = 0.1) -> None:
@@ -170,9 +168,9 @@ def unusable(mechanism: Mechanism, values: FloatArray, failed: Collection[str]) 
         text = f'joint values of shape {values.shape} for {len(mechanism.actuators)} actuators'
         return Notice('length', text)
     size = np.abs(values)
-    if size.max() <= LARGEST_VALUE:  # not so where there is a NaN
+    if size.max() <= FARTHEST:  # not so where there is a NaN
         return None
-    usable = size <= LARGEST_VALUE
+    usable = size <= FARTHEST
     bad = [
         mechanism.joint_state_names[index]
         for index in np.flatnonzero(~usable)

@@ -20,7 +20,7 @@ from fault_tolerance.control.converter import Converter
 from fault_tolerance.control.estimate import Estimate, control_model, estimate
 from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
-from fault_tolerance.control.joint_states import LARGEST_VALUE, unusable
+from fault_tolerance.control.joint_states import unusable
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
@@ -36,6 +36,7 @@ from fault_tolerance.kernel.compilation import Kernel, announced_kernel
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.tolerances import FARTHEST
 
 MOST_ERRORS = 3
 """Internal errors in a row after which the controller stops."""
@@ -93,9 +94,8 @@ class Supervisor:
         self._pauses: set[str] = set()
         self._outdated = self._unread = False
         self._errors = self._taken = 0
-        self._now = -inf
         self._reported_at: float | None = None
-        self._reconfiguration_time = 0.0
+        self._now, self._reconfiguration_time = -inf, 0.0
         self.output = self.step(-inf)
 
     @property
@@ -139,9 +139,9 @@ class Supervisor:
             self.forget_times(now)
         self._now = now
         taken, notice = np.array(values, dtype=np.float64), None
-        if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= LARGEST_VALUE:
+        if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= FARTHEST:
             notice = unusable(self.mechanism, taken, self._ledger.failures.parts)
-            taken[~(np.abs(taken) <= LARGEST_VALUE)] = np.nan
+            taken[~(np.abs(taken) <= FARTHEST)] = np.nan
         taken.setflags(write=False)
         notice = notice or self._readings.offer(taken, now, stamp)
         if notice is None:

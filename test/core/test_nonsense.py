@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.control.failure_reports import Report, part_names, report_of
-from fault_tolerance.control.joint_states import LARGEST_VALUE
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.errors import ArrayError, FailureError, MechanismError
@@ -25,6 +24,7 @@ from fault_tolerance.resources import share_directory
 from fault_tolerance.simulation.faults import FAULT_WORDS, fault_command
 from fault_tolerance.simulation.plant_settings import PlantSettings
 from fault_tolerance.simulation.reference import REFERENCE_KINDS, reference
+from fault_tolerance.tolerances import FARTHEST
 
 FSM = mechanism_named('fsm_4_strut')
 NAMES = (*FSM.actuator_names, *FSM.strut_names)
@@ -34,7 +34,7 @@ seeded = settings(deadline=None, max_examples=200, derandomize=True)
 texts = st.text(max_size=60) | st.sampled_from(['\x00', '\n', '\r', '', ' ', 'a' * 10_000])
 names = st.sampled_from(NAMES) | texts
 modes = st.sampled_from(mode_words()) | texts
-numbers = st.floats() | st.sampled_from([1e300, -1e300, 5e-324, LARGEST_VALUE, -0.0])
+numbers = st.floats() | st.sampled_from([1e300, -1e300, 5e-324, FARTHEST, -0.0])
 stamps = st.none() | st.floats()
 
 
@@ -98,7 +98,7 @@ def test_joint_states_are_read_or_refused(given_names, positions, lost):
         assert found.notice is None or len(found.notice.text) < 2000
         return
     for value, actuator in zip(found.values, FSM.actuators, strict=True):
-        assert actuator.strut in lost or abs(value) <= LARGEST_VALUE
+        assert actuator.strut in lost or abs(value) <= FARTHEST
 
 
 @seeded
