@@ -382,6 +382,8 @@ def test_encoders_of_the_motors_read_drives_that_stick_now_and_then(start, anoth
     ))
     bench.inject('silent biased theta_4')
     another.wait(lambda: bench.next_joint_state().position[3] > 9e-4, 'the jump')
+    # theta_3 sticks for the 50 ms in which it runs away by its breakaway.
+    another.wait(lambda: bench.next_joint_state().position[2] > 0.0, 'the drive that runs away')
     found = bench.commanded([0.0, 0.001, 0.0, 0.0], 40)
     positions = [one.position for one in found]
     # Pulled at by the others, but its own encoder does not know.
