@@ -13,7 +13,7 @@ import numpy as np
 from fault_tolerance.control.input_watchdog import InputWatchdog
 from fault_tolerance.control.notices import Notice
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.parts import Actuator
 
@@ -76,6 +76,7 @@ class Continuity(InputWatchdog):
         self._turns, self._places = turns, np.zeros(len(drives))
         self._lasts, self._raws = np.full((2, len(drives)), np.nan)
         self._repeated = np.zeros(len(drives), np.intp)
+        self._none: BoolArray = frozen(np.zeros(len(drives), bool))
         self._heard = self._refused = -inf
         self._since = inf
         self.moving, self.doubt = False, ''
@@ -89,12 +90,13 @@ class Continuity(InputWatchdog):
 
     def have_failed(self, failures: FailureSet) -> None:
         """Go by other ``failures`` from the next readings on."""
-        drives = self._mechanism.actuators
-        self._stuck = np.array([one.name in failures.stuck for one in drives])
-        self._free = np.array([one.name in failures.free for one in drives])
-        self._loose = self._free | [one.strut in failures.lost for one in drives]
-        self._failed = bool((self._stuck | self._free).any())
-        self.sensorless: BoolArray = np.zeros(len(drives), bool)
+        # Lists: the first command after a failure waits for this.
+        place = self._mechanism.actuator_index
+        self._stuck = [place(name) for name in failures.stuck]
+        self._free = [place(name) for name in failures.free]
+        self._off = [
+            place(name) for strut in failures.lost for name in self._mechanism.actuators_of(strut)]
+        self.sensorless = self._none
         self._repeated[:] = 0
 
     def restart_clock(self) -> None:
@@ -135,19 +137,21 @@ class Continuity(InputWatchdog):
         needed = (np.abs(value - self._lasts) - self._slacks) * self._per_speed
         near = np.maximum.reduce(needed) <= MARGIN * (passed + GRACE)
         if not near and gap <= self.timeout and (self.moving or self._since != inf):
-            far = (needed > MARGIN * (passed + GRACE)) & ~self._loose
+            far = needed > MARGIN * (passed + GRACE)
+            far[self._free + self._off] = False
             if far.any():
                 return self._refusal(value, far, now, passed)
-        if self._failed:
+        if self._stuck or self._free:
             same = value == self._raws
             if not same.all():
                 self._repeated = np.where(same, self._repeated + 1, 0)
             self._raws = value
-            frozen = self._free & (self._repeated >= FROZEN)
-            self.sensorless = (self._stuck | self._free) & (np.isnan(value) | frozen)
-            value = np.where(self.sensorless & self._free, np.nan, value)
-            value = np.where(self.sensorless & self._stuck, self._lasts, value)
-            near = False
+            silent, near = np.isnan(value), False
+            silent[self._free] |= self._repeated[self._free] >= FROZEN
+            lasts, value = np.where(silent, self._lasts, value), np.where(silent, np.nan, value)
+            value[self._stuck] = lasts[self._stuck]
+            self.sensorless = self._none.copy()
+            self.sensorless[self._stuck + self._free] = silent[self._stuck + self._free]
         self._lasts = value if near else np.where(np.isnan(value), self._lasts, value)
         self.value, self.deadline = value, now + self.timeout
         return None

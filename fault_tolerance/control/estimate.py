@@ -247,11 +247,11 @@ def estimate(
     flags = before.flags
     if failures is not before.failures:
         names, struts = model.mechanism.actuator_names, model.mechanism.strut_names
-        flags = np.array([
-            *map(failures.lost.__contains__, struts),
-            *map(failures.stuck.__contains__, names),
-            *map(failures.free.__contains__, names),
-        ], dtype=np.float64)
+        flags = np.zeros(len(flags))
+        drives = flags[len(struts) :].reshape((2, len(names)))
+        flags[[*map(struts.index, failures.lost)]] = 1.0
+        drives[0, [*map(names.index, failures.stuck)]] = 1.0
+        drives[1, [*map(names.index, failures.free)]] = 1.0
         flags.setflags(write=False)
     if failures.lost:
         values = np.where(flags[model.view.chains.strut] != 0.0, np.nan, values)

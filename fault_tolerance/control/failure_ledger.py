@@ -20,9 +20,8 @@ from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.kinematics.failures import (
     FailureMode,
     FailureSet,
-    actuators_named,
+    actuators_hit,
     failure_set,
-    strut_named,
 )
 from fault_tolerance.mechanism.description import Mechanism
 
@@ -101,7 +100,7 @@ class FailureLedger:
 
     def apply(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
         """Take the ``reports`` of one message, received at ``now`` (s); return what they did."""
-        before = (self.failures, self.stop_reason)
+        failures, stop_reason = self.failures, self.stop_reason
         notices: list[Notice] = []
         message = self._statements(reports, now, notices)
         if message:
@@ -111,7 +110,8 @@ class FailureLedger:
             self._refresh()
             if len(message) > 1:
                 notices.extend(self._conflicts(statement for _, statement in message.values()))
-        return LedgerUpdate((self.failures, self.stop_reason) != before, tuple(notices))
+        changed = self.failures is not failures or self.stop_reason != stop_reason
+        return LedgerUpdate(changed, tuple(notices))
 
     def clear(self, now: float) -> LedgerClear:
         """Release every failure not still reported at ``now`` (s); return which they are."""
@@ -206,7 +206,9 @@ class FailureLedger:
                 unknown.append(said.text)
             else:
                 known.append((said.mode, said.target))
-        self.failures = failure_set(self._mechanism, known)
+        failures = failure_set(self._mechanism, known)
+        if failures != self.failures:  # who follows them compares by identity
+            self.failures = failures
         self.stop_reason = f'unknown failure mode of {", ".join(unknown)}' if unknown else ''
 
     def _conflicts(self, statements: Iterable[Statement]) -> Iterator[Notice]:
@@ -214,7 +216,7 @@ class FailureLedger:
         modes: dict[str, set[FailureMode]] = {}
         for said in statements:
             if said.mode is not None and said.mode is not FailureMode.NONE:
-                for name in self._meant(said):
+                for name in actuators_hit(self._mechanism, said.mode, said.target):
                     modes.setdefault(name, set()).add(said.mode)
         for name, found in modes.items():
             if len(found) > 1:
@@ -222,12 +224,6 @@ class FailureLedger:
                 used = self.failures.mode_of(self._mechanism, name).value
                 text = f'{name} is reported as {words} in one message: {used} is used'
                 yield Notice('conflicting_modes', text, False, name)
-
-    def _meant(self, statement: Statement) -> tuple[str, ...]:
-        """Return the actuators a statement is about."""
-        if statement.mode is FailureMode.HARD:
-            return self._mechanism.actuators_of(strut_named(self._mechanism, statement.target))
-        return actuators_named(self._mechanism, statement.target)
 
 
 def _repeated(report: Report, entry: _Entry) -> Statement | None:

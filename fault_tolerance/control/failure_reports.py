@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.errors import FailureError
-from fault_tolerance.kinematics.failures import FailureMode, failure_set
+from fault_tolerance.kinematics.failures import FailureMode, actuators_hit
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.failure_modes import mode_from_word
 
@@ -34,7 +34,7 @@ class Report(NamedTuple):
     target: str | None
     """The actuator or strut; None where the hardware id names nothing of this mechanism."""
     mode: str
-    """The failure mode as it was written."""
+    """The failure mode as it was written, in one printable line."""
     level: int
     """The diagnostic level."""
     stamp: float | None = None
@@ -137,7 +137,7 @@ def interpret(
         return None, (Notice('unknown_name', text),)
     if report.level == STALE:
         return None, (Notice('stale_report', ''),)
-    word = clean(report.mode.strip(), LONGEST_WORD)
+    word = report.mode
     try:
         mode = mode_from_word(word)
     except FailureError as error:
@@ -145,10 +145,11 @@ def interpret(
         notice = Notice('unknown_mode', f'{target}: {error}', part=target)
         return Statement(target, None, word) if stops else None, (notice,)
     statement = Statement(target, mode, word)
-    try:
-        failure_set(mechanism, [(mode, target)])
-    except FailureError as error:
-        return None, (Notice('refused_mode', f'{statement.text}: {error}', part=target),)
+    if mode is not FailureMode.NONE:
+        try:
+            actuators_hit(mechanism, mode, target)
+        except FailureError as error:
+            return None, (Notice('refused_mode', f'{statement.text}: {error}', part=target),)
     return statement, _level_notices(report, statement)
 
 

@@ -287,9 +287,9 @@ class Supervisor:
         """
         return self._watch.observe(self._now, self.output, internal_force)
 
-    def metrics(self) -> Metrics:
-        """Return the measures that go with the last step; what is slow is computed here."""
-        return metrics_of(self.output, self._watch, self._now - self._ledger.heard)
+    def metrics(self, output: Output | None = None) -> Metrics:
+        """Return the measures that go with ``output``, that of the last step by default."""
+        return metrics_of(output or self.output, self._watch, self._now - self._ledger.heard)
 
     def _turns(self, values: FloatArray, near: FloatArray) -> FloatArray:
         return closing_turns(self._model, values, near, self.failures)

@@ -75,7 +75,6 @@ class FailureSet:
     lost: tuple[str, ...] = ()
     parts: tuple[str, ...] = field(init=False, repr=False)
     """The names of all that has failed, actuators and struts."""
-    _unordered: tuple[frozenset[str], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the names as far as that is possible without a mechanism."""
@@ -91,16 +90,18 @@ class FailureSet:
             if name in seen:
                 raise FailureError(name, 'named twice in one set of failures')
             seen.add(name)
-        unordered = frozenset(self.stuck), frozenset(self.free), frozenset(self.lost)
-        object.__setattr__(self, '_unordered', unordered)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FailureSet):
             return NotImplemented
-        return self._unordered == other._unordered
+        return self is other or (
+            set(self.stuck) == set(other.stuck)
+            and set(self.free) == set(other.free)
+            and set(self.lost) == set(other.lost)
+        )
 
     def __hash__(self) -> int:
-        return hash(self._unordered)
+        return hash(frozenset(self.parts))
 
     def __repr__(self) -> str:
         return f'FailureSet({", ".join(str(failure) for failure in self.failures)})'
@@ -244,6 +245,16 @@ def actuators_named(mechanism: Mechanism, name: str) -> tuple[str, ...]:
     if not actuators:
         raise FailureError(name, 'the strut has no actuator', mechanism.actuator_names)
     return actuators
+
+
+def actuators_hit(mechanism: Mechanism, mode: FailureMode, name: str) -> tuple[str, ...]:
+    """Return the actuators of ``mechanism`` that fail where ``name`` fails in ``mode``.
+
+    FailureError if there is nothing of that name that can.
+    """
+    if mode is FailureMode.HARD:
+        return mechanism.actuators_of(strut_named(mechanism, name))
+    return actuators_named(mechanism, name)
 
 
 def _require_known(mechanism: Mechanism, name: str) -> None:

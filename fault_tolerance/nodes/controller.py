@@ -112,7 +112,7 @@ class Controller(Node):
         update = self._supervisor.reports(batch.reports, now)
         if update.changed:
             self._cycle(now)
-            self._status.report_stamp = batch.stamp
+            self._status.report_stamp = batch.stamp_text
             self._health.count('reconfigurations')
         for notice in update.notices:
             self._health.warn(notice)

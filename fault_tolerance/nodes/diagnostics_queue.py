@@ -62,8 +62,7 @@ class DiagnosticsQueue:
 
     def __init__(self, names: Iterable[str]) -> None:
         self.dropped = 0
-        self._encoded = [name.encode() for name in names]
-        self._names = re.compile(b'|'.join(map(re.escape, self._encoded)))
+        self._names = [name.encode() for name in names]
         self._look_due = -inf
         self._failures: deque[bytes] = deque()
         self._others: deque[bytes] = deque()
@@ -83,7 +82,7 @@ class DiagnosticsQueue:
         if len(message) > MAX_BYTES:
             self.dropped += 1
             return
-        if not self._names.search(message):
+        if not self._concerns(message):
             self._foreign.append(message)
             return
         digest = hash(message)
@@ -130,8 +129,12 @@ class DiagnosticsQueue:
         if now < self._look_due or len(message) > _LONGEST_LOOK:
             return
         self._look_due = now + _LOOK_PERIOD
-        if any(name in message for name in self._encoded):
+        if self._concerns(message):
             self._foreign.append(message)
+
+    def _concerns(self, message: bytes) -> bool:
+        """Return whether ``message`` names a part of this mechanism."""
+        return any(name in message for name in self._names)
 
     def _renewed_credit(self, now: float) -> float:
         """Return the seconds that decoding may take now."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
@@ -24,10 +25,15 @@ from fault_tolerance.nodes.timeline import TimeLine
 
 
 class Batch(NamedTuple):
-    """The failure reports of one message, and its stamp or time of receipt, seconds as text."""
+    """The failure reports of one message, and its stamp or time of receipt."""
 
     reports: list[Report]
-    stamp: str
+    stamp: Time | StampedModes
+
+    @property
+    def stamp_text(self) -> str:
+        """Seconds."""
+        return f'{self.stamp.sec}.{self.stamp.nanosec:09d}'
 
 
 class ReportSubscriber:
@@ -85,16 +91,15 @@ class ReportSubscriber:
             begin = end
 
     def _batch(self, message: StampedModes) -> Batch:
-        seconds = self._timeline.monotonic(message)
-        stamp = message if seconds is not None else self._timeline.stamp()
-        for name, hardware_id, _, mode in message.modes:
-            if mode is None:
-                self._warn_of_no_mode(name, hardware_id)
-        # What the controller has found itself it knows already.
-        found = (report_of(*mode, seconds, prefix=self._prefix, names=self._names)
-                 for mode in message.modes if mode[0] != DETECTION)
-        reports = [report for report in found if report is not None]
-        return Batch(reports, f'{stamp.sec}.{stamp.nanosec:09d}')
+        seconds, reports = self._timeline.monotonic(message), []
+        for said in message.modes:
+            if said[3] is None:
+                self._warn_of_no_mode(*said[:2])
+            elif said[0] != DETECTION:  # what the controller has found itself it knows already
+                report = report_of(*said, seconds, prefix=self._prefix, names=self._names)
+                if report is not None:
+                    reports.append(report)
+        return Batch(reports, message if seconds is not None else self._timeline.stamp())
 
     def _warn_of_no_mode(self, name: str, hardware_id: str) -> None:
         """Tell once of each part whose ERROR cannot be a failure report."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from functools import partial
 from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -129,21 +130,28 @@ class StatusPublisher:
         self._deferred.add(self.publish_metrics)
 
     def publish_metrics(self) -> None:
-        """Publish the status if it has changed, and the metrics if anybody subscribes to them."""
+        """Publish the status if it has changed, and the metrics if anybody subscribes to them.
+
+        In pieces of a millisecond, so that no joint state is lost for them.
+        """
         output, further = self._supervisor.output, self._further()
         if self._published:
             self._publish_status(output, further['suspected'])
         if self._metrics.subscribed:
-            residual = ', '.join(map(decimal, output.residual.tolist()))
-            metrics = self._supervisor.metrics()
-            self._metrics.publish(
-                self._node.get_clock().now().to_msg(), metrics,
-                self._health.with_notices(metrics.level, self._completed(metrics.message)),
-                {
-                    'residual': residual, 'report_stamp': self.report_stamp,
-                    'conversion': str(self._supervisor.converter), **further,
-                },
-            )
+            self._deferred.add(partial(self._judge, output, further))
+
+    def _judge(self, output: Output, further: dict[str, str]) -> None:
+        """Derive the metrics of ``output``; they are published with the ``further`` values."""
+        metrics = self._supervisor.metrics(output)
+        residual = ', '.join(map(decimal, output.residual.tolist()))
+        further |= {
+            'residual': residual, 'report_stamp': self.report_stamp,
+            'conversion': str(self._supervisor.converter),
+        }
+        self._deferred.add(lambda: self._metrics.publish(
+            self._node.get_clock().now().to_msg(), metrics,
+            self._health.with_notices(metrics.level, self._completed(metrics.message)), further,
+        ))
 
     def _publish_status(self, output: Output, suspected: str) -> None:
         level, text = self._health.told()

@@ -70,6 +70,16 @@ def test_different_sources_add_up_and_the_worse_mode_counts():
     assert book.failures == FailureSet(lost=('strut_4',))
 
 
+@pytest.mark.parametrize('word', ['stuck', 'free', 'none'])
+def test_what_changes_nothing_leaves_the_set_itself_in_place(word):
+    # Parking, brakes and probes begin anew where the set is another one.
+    book = ledger()
+    book.apply([report('stuck', 'theta_4', name='drive')], 0.0)
+    before = book.failures
+    assert not book.apply([report(word, 'theta_4', name='monitor')], 0.1)
+    assert book.failures is before
+
+
 @pytest.mark.parametrize('order', list(itertools.permutations(['stuck', 'free', 'none'])))
 def test_a_source_that_contradicts_itself_in_one_message_is_taken_at_its_worst(order):
     book = ledger()
