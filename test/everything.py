@@ -6,7 +6,8 @@ Each test runs once. Those of running nodes run with the fields of messages chec
 by numpy; those that need nodes in real time (marked ``paced``) run as users run them, one after
 the other, beside nothing but what gives way, and those that measure time (``timed``) at the end,
 alone. All others run side by side, a module of tests here and another there, and what needs no
-nodes gives way to them. Every group must pass, and none may be empty.
+nodes gives way to them. Every group must pass, and none may be empty. Up to three tests of running
+nodes that fail beside others run again, alone: what passes then is named in the end.
 """
 
 from __future__ import annotations
@@ -49,6 +50,9 @@ LONGEST = (
     'core/design/test_designs.py', 'core/analysis/test_drawing.py',
 )
 """These begin first, so that nobody waits for them in the end."""
+
+MOST_AGAIN = 3
+"""Tests of nodes that may fail for want of processor time; more than these are no accident."""
 
 PATIENCE = 20.0
 """Seconds that a part has to end its nodes when it is interrupted."""
@@ -213,6 +217,8 @@ class Result:
         self.count: Counter[str] = Counter()
         self._whole = whole
         self._ran: set[str] = set()
+        self.beside_others: list[str] = []
+        """Tests of nodes that failed while others ran."""
 
     def add(self, parts: list[Part]) -> None:
         """Add those of one group, as soon as all its parts have ended."""
@@ -222,6 +228,9 @@ class Result:
             suite = part.ended()
             if suite is not None:
                 found += self._counted(suite)
+                if part.group in ('nodes', 'paced'):
+                    self.beside_others += [_name(case) for case in suite.iter('testcase')
+                                           if case.find('failure') is not None]
             # 1: tests have failed, 5: there are none.
             empty += part.code == 5
             broken += suite is None or part.code not in (0, 1, 5)
@@ -241,9 +250,17 @@ class Result:
         found['passed'] = int(suite.get('tests')) - found.total()
         for case in suite.iter('testcase'):
             if case.find('failure') is None and case.find('error') is None:
-                path = case.get('classname').replace('.', '/').removeprefix(f'{HERE.name}/')
-                self._ran.add(f'{path}.py::{case.get("name").partition("[")[0]}')
+                self._ran.add(_name(case).removeprefix(f'{HERE.name}/').partition('[')[0])
         return found
+
+    def add_again(self, part: Part) -> None:
+        """Count those as passed that failed beside others and have passed alone; name them."""
+        suite = part.ended()
+        for case in suite.iter('testcase') if suite is not None else ():
+            if not len(case):
+                self.count.update(failed=-1, passed=1)
+                self._ran.add(_name(case).removeprefix(f'{HERE.name}/').partition('[')[0])
+                print(f'failed beside others, passed alone: {_name(case)}', flush=True)
 
     def missing(self) -> list[str]:
         """Return the tests that docs/robustness.md names and that have not passed."""
@@ -252,6 +269,11 @@ class Result:
             return []
         named = re.findall(r'`(\w[\w/]*\.py::\w+)`', table.read_text(encoding='utf-8'))
         return sorted({*named} - self._ran)
+
+
+def _name(case: ElementTree.Element) -> str:
+    """Return the name pytest has for a test."""
+    return f'{case.get("classname").replace(".", "/")}.py::{case.get("name")}'
 
 
 def main(arguments: list[str]) -> int:
@@ -285,6 +307,9 @@ def main(arguments: list[str]) -> int:
                         part.hurry()
                 result.add(parts)
             result.add(started(alone, quiet=False))
+            if 0 < len(result.beside_others) <= MOST_AGAIN:
+                again = Group('again', result.beside_others, 1, (), CHECKED)
+                result.add_again(*started(again, quiet=False))
         finally:
             for parts in running:
                 for part in parts:

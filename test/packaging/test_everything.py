@@ -92,6 +92,35 @@ def test_a_failure_of_any_part_counts_and_so_does_what_the_table_names(run_every
     assert 'not passed: core/test_of_core.py::test_that_passes' not in result.stdout
 
 
+def fails_once(count):
+    """Return a module of ``count`` tests that fail when they run first."""
+    return ('import pathlib, pytest\n\n'
+            f'@pytest.mark.parametrize("number", range({count}))\n'
+            'def test_that_fails_once(number):\n'
+            "    tried = pathlib.Path(f'tried_{number}')\n"
+            '    first = not tried.exists()\n'
+            '    tried.touch()\n'
+            '    assert not first\n\n')
+
+
+def test_what_fails_beside_others_runs_again_alone_and_is_named(run_everything):
+    table = '`ros/test_of_ros.py::test_that_fails_once`'
+    result = run_everything(ros=TIMED + PASSES + fails_once(1), table=table)
+    assert result.returncode == 0, result.stdout
+    name = 'test/ros/test_of_ros.py::test_that_fails_once[0]'
+    assert f'\nfailed beside others, passed alone: {name}\n' in result.stdout
+    assert ' 7 passed in ' in last_line(result)
+
+
+@pytest.mark.parametrize('sources', [
+    {'core': fails_once(1)}, {'ros': TIMED + FAILS}, {'ros': TIMED + fails_once(4)},
+], ids=['without nodes', 'twice', 'several'])
+def test_what_fails_again_or_without_nodes_has_failed(run_everything, sources):
+    result = run_everything(**sources)
+    assert result.returncode == 1, result.stdout
+    assert ' failed, ' in last_line(result)
+
+
 @pytest.mark.parametrize('turn', range(2))
 def test_a_part_that_runs_nothing_fails(run_everything, turn):
     sources = ['', ENDS, SKIPS]
