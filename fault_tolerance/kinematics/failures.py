@@ -82,14 +82,14 @@ class FailureSet:
             names = getattr(self, key)
             if isinstance(names, str):
                 raise FailureError(names, f'{key} is one text, expected several names')
-            object.__setattr__(self, key, tuple(names))
-        object.__setattr__(self, 'parts', (*self.stuck, *self.free, *self.lost))
-        seen: set[str] = set()
+            if not isinstance(names, tuple):
+                object.__setattr__(self, key, tuple(names))
+        object.__setattr__(self, 'parts', self.stuck + self.free + self.lost)
         for name in self.parts:
             _require_name(name)
-            if name in seen:
-                raise FailureError(name, 'named twice in one set of failures')
-            seen.add(name)
+        if len(set(self.parts)) < len(self.parts):
+            twice = max(self.parts, key=self.parts.count)
+            raise FailureError(twice, 'named twice in one set of failures')
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, FailureSet):
@@ -173,27 +173,29 @@ def failure_set(mechanism: Mechanism, failures: Iterable[FailureLike]) -> Failur
         raise FailureError(failures, 'one text, expected several failures')
     effective: dict[str, FailureMode] = {}
     lost: set[str] = set()
-    for word, name in map(_pair_of, failures):
+    for failure in failures:
+        word, name = _pair_of(failure)
         mode = _mode_of(word)
         if mode is FailureMode.NONE:
             _require_known(mechanism, name)
-            continue
-        if mode is FailureMode.HARD:
+        elif mode is FailureMode.HARD:
             lost.add(strut_named(mechanism, name))
-            continue
-        for actuator in actuators_named(mechanism, name):
-            # A position failure is worse than a torque failure.
-            if mode is FailureMode.POSITION or actuator not in effective:
-                effective[actuator] = mode
+        else:
+            for actuator in actuators_named(mechanism, name):
+                # A position failure is worse than a torque failure.
+                if mode is FailureMode.POSITION or actuator not in effective:
+                    effective[actuator] = mode
     for strut in lost:
         for actuator in mechanism.actuators_of(strut):
             effective.pop(actuator, None)
-    names = mechanism.actuator_names if effective else ()
-    return FailureSet(
-        tuple(name for name in names if effective.get(name) is FailureMode.POSITION),
-        tuple(name for name in names if effective.get(name) is FailureMode.TORQUE),
-        tuple(name for name in mechanism.strut_names if name in lost),
-    )
+    # A loop: generators take longer, and the first command after a failure waits for this.
+    stuck: list[str] = []
+    free: list[str] = []
+    for name in mechanism.actuator_names:
+        if name in effective:
+            (stuck if effective[name] is FailureMode.POSITION else free).append(name)
+    in_order = filter(lost.__contains__, mechanism.strut_names)
+    return FailureSet(tuple(stuck), tuple(free), tuple(in_order))
 
 
 def _pair_of(failure: FailureLike) -> tuple[FailureMode | str, str]:
