@@ -105,7 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     def command(run: Callable[[argparse.Namespace], int | None], words: str) -> _Parser:
         """Return the parser of the command that ``run``, named as it is, carries out."""
         name = run.__name__.removeprefix('_').replace('_', '-')
-        one: _Parser = added.add_parser(name, help=words)
+        one: _Parser = added.add_parser(name, help=words, allow_abbrev=False)
         one.set_defaults(run=run)
         return one
 

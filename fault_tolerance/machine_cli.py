@@ -149,10 +149,10 @@ def _units(text: str) -> Units:
 
 
 def _point(text: str) -> list[float]:
-    numbers = [_number(word) for word in text.split(',')]
-    if len(numbers) != 3:
-        raise argparse.ArgumentTypeError(f'{text!r} is not X,Y,Z')
-    return numbers
+    words = text.split(',')
+    if len(words) != 3:
+        raise argparse.ArgumentTypeError(f'{text!r} is not X,Y,Z: three numbers, commas between')
+    return [_number(word) for word in words]
 
 
 def _coordinates(text: str) -> tuple[str, ...]:

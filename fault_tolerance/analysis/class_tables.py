@@ -39,7 +39,7 @@ def class_table(report: Mapping[str, Any]) -> RenderableType:
     parts: list[RenderableType] = [Text.assemble(title, head), table]
     hidden = [one for group in classes if _HEALTHY in group for one in group if one != _HEALTHY]
     if hidden:
-        parts.append(Text(f'Not to be noticed: {_in_words(hidden)}.'))
+        parts.append(Text(f'Cannot be noticed with these sensors: {_in_words(hidden)}.'))
     if report['would_help']:
         parts.append(Text(f'More would be told apart with: {", ".join(report["would_help"])}.'))
     return Group(*parts)

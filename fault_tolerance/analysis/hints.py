@@ -24,6 +24,8 @@ FACTOR = 30.0
 """Lengths that differ by more are suspected of being in other units."""
 
 _LARGEST = 30.0
+# Sizes of a strut that a drive does not travel; strokes a second that it does not cross.
+_LONG, _HASTE = 8.0, 500.0
 # Degrees between a slider and its leg, and the share of a stroke that counts as its end.
 _ALIGNED, _END = 3.0, 0.01
 _SAME_PLACE = 1e-6
@@ -70,11 +72,18 @@ def _sizes(mechanism: Mechanism) -> Iterator[str]:
         )
     for actuator in mechanism.actuators:
         stroke = actuator.position[1] - actuator.position[0]
-        if actuator.kind == 'prismatic' and isfinite(stroke) and stroke > FACTOR * usual:
-            yield (
-                f'{actuator.name} has a stroke of {stroke:.3g} m, the struts measure '
-                f'{usual:.3g} m: {_cause(stroke, usual)}'
-            )
+        if actuator.kind == 'prismatic':
+            for what, size in ('a stroke of', stroke), ('its home at', abs(actuator.home)):
+                if isfinite(size) and size > _LONG * usual:
+                    yield (
+                        f'{actuator.name} has {what} {size:.3g} m, the struts measure '
+                        f'{usual:.3g} m: {_cause(size, usual)}'
+                    )
+            if isfinite(actuator.velocity) and actuator.velocity > _HASTE * stroke:
+                yield (
+                    f'{actuator.name} crosses its stroke in '
+                    f'{1e3 * stroke / actuator.velocity:.2g} ms: millimetres a second?'
+                )
         if actuator.kind == 'revolute' and isfinite(stroke) and stroke > 8.0 * np.pi:
             yield f'{actuator.name} turns by {stroke:.3g} rad: degrees?'
 

@@ -80,6 +80,18 @@ def test_strokes_in_other_units():
     drive(document, 1, position=[-500.0, 500.0])
     (found,) = hints(made(document))
     assert found.startswith('theta_2 has a stroke of 1e+03 m') and 'millimetres' in found
+    # A metre is sixteen times a strut.
+    document = scaled(even_mirror(3), 0.06)
+    document['characteristic_length'] = 0.06
+    for keys, text in (
+        ({'position': [-1, 1]}, 'theta_2 has a stroke of 2 m'),
+        ({'home': 12.5}, 'theta_2 has its home at 12.5 m'),
+        ({'position': [-0.001, 0.001], 'velocity': 2}, 'theta_2 crosses its stroke in 1 ms'),
+    ):
+        wrong = copy.deepcopy(document)
+        drive(wrong, 1, **keys)
+        (found,) = hints(made(wrong))
+        assert found.startswith(text) and 'millimetres' in found
     arm = yaml.safe_load(open_text('serial_3r'))
     arm['struts'][0]['joints'][0]['position'] = [-90, 90]
     assert hints(made(arm)) == ['joint_1 turns by 180 rad: degrees?']
