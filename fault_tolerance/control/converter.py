@@ -14,7 +14,6 @@ from fault_tolerance.control.output import Output
 from fault_tolerance.errors import FailureError
 from fault_tolerance.kinematics.conversion import Conversion, best_conversion
 from fault_tolerance.kinematics.failures import FailureMode, FailureSet
-from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
 CONFIRMATION = 1.0
@@ -59,7 +58,7 @@ class Converter:
         self._asked = inf
         self._since: dict[str, float] = {}
         self._watched = FailureSet()
-        self._readings: FloatArray | None = None
+        self._reading = 0
         self._evidence: dict[str, BrakeEvidence] = {}
         self._told: dict[str, float] = {}
 
@@ -123,9 +122,9 @@ class Converter:
                 name: self._evidence.get(name) or self._evidence_of(name) for name in self.brakes
                 if name in failures.free or (name in self._evidence and name in failures.stuck)
             }
-        if not self._evidence or readings is self._readings:
+        if not self._evidence or output.reading == self._reading:
             return None
-        self._readings = readings
+        self._reading = output.reading
         for name, evidence in self._evidence.items():
             value = float(readings[self._mechanism.actuator_index(name)])
             if name in failures.stuck and evidence.refutes(value):

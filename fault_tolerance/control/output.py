@@ -32,6 +32,9 @@ class Output:
     """Latched, whatever the state."""
     estimate: Estimate
     """Of the last usable joint values."""
+    reading: int
+    """How many readings had been accepted up to that of the estimate: the same number, the same
+    reading, in however many steps; 0 before the first."""
     asked: FloatArray
     """(l,): the task velocity in force, rad/s and m/s."""
     idle: str

@@ -92,8 +92,8 @@ class Supervisor:
         self._shape = (len(mechanism.actuators),)
         self._beside: tuple[FloatArray, FailureSet, int] | None = None
         self._pauses: set[str] = set()
-        self._outdated = self._unread = False
-        self._errors = self._taken = 0
+        self._outdated = False
+        self._errors = self._accepted = self._estimated = 0
         self._reported_at: float | None = None
         self._now, self._reconfiguration_time = -inf, 0.0
         self.output = self.step(-inf)
@@ -145,8 +145,8 @@ class Supervisor:
         taken.setflags(write=False)
         notice = notice or self._readings.offer(taken, now, stamp)
         if notice is None:
-            self._outdated = self._unread = True
-            self._taken += 1
+            self._outdated = True
+            self._accepted += 1
         return notice
 
     def task_velocity(
@@ -173,10 +173,9 @@ class Supervisor:
         update = self._ledger.apply(reports, now)
         if update.changed:
             self._outdated, self._reported_at = True, started
-            self._readings.have_failed(self._ledger.failures)
+            self._readings.have_failed(self.failures)
             # Only a stop for what cannot be tolerated is over with a conversion.
-            done = self.converter.confirms(self._ledger.failures)
-            if done and isinstance(self._machine.stop, Estimate):
+            if self.converter.confirms(self.failures) and isinstance(self._machine.stop, Estimate):
                 self._machine.release()
         return update
 
@@ -204,7 +203,7 @@ class Supervisor:
         """
         self._beside = None
         if rates is not None and np.isfinite(rates).all():
-            self._beside = rates, self.failures, self._taken + 1
+            self._beside = rates, self.failures, self._accepted + 1
 
     def pause(self, paused: bool, now: float, why: str = 'paused') -> None:
         """Hold from ``now`` on while ``paused``; each reason ``why`` counts for itself."""
@@ -234,10 +233,10 @@ class Supervisor:
         try:
             # Without anything new, too: so the first step after a failure finds its way cached.
             if readings.value is not None and (self._outdated or not stale):
-                if self._unread:  # else from the same place again: the same to the last bit
-                    self._base, self._unread = found, False
+                if self._estimated != self._accepted:
+                    self._base = found  # of the reading before, so that a step can be repeated
                 found = estimate(self._model, self._base, readings.value, failures)
-                self._estimate, self._outdated = found, False
+                self._estimate, self._estimated, self._outdated = found, self._accepted, False
             degraded = found if failures.parts else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = ', '.join(sorted(self._pauses)) or readings.doubt
@@ -266,14 +265,14 @@ class Supervisor:
         moving = decision.state in (*MOVING, State.STOPPED)
         if command is None or not moving:
             command, moving = resting(command or before, failures, now), False
-        elif self._beside and self._beside[1] is failures and self._taken <= self._beside[2]:
+        elif self._beside and self._beside[1] is failures and self._accepted <= self._beside[2]:
             command = command.with_rates_beside(self._beside[0])
         self._command, readings.moving = command, moving
         if self._reported_at is not None and self.settings.clock is not None:
             self._reconfiguration_time = self.settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
-            command, decision, failures, self._estimate, asked, idle,
+            command, decision, failures, self._estimate, self._estimated, asked, idle,
             stale or readings.value is None, self._reconfiguration_time,
             readings.sensorless, self._watch.notices, parking.text,
         )

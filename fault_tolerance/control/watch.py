@@ -107,7 +107,7 @@ class Watch:
         self._strokes = Plausibility(mechanism)
         self._tracking = Tracking(mechanism)
         self._free_at = -inf
-        self._readings: FloatArray | None = None
+        self._reading = 0
         self._excesses: dict[str, Notice] = {}
         self.notices: tuple[Notice, ...] = ()
 
@@ -128,9 +128,8 @@ class Watch:
 
         ``internal_force`` is in N, NaN where it is not known.
         """
-        read = output.estimate.readings
-        readings = None if read is self._readings else read
-        self._readings = read
+        is_new, self._reading = output.reading != self._reading, output.reading
+        readings = output.estimate.readings if is_new else None
         news = () if readings is None else self._strokes.observe(readings)
         self._tracking.observe(now, readings, output.rates)
         self.internal_force = internal_force

@@ -142,6 +142,34 @@ def test_a_mirror_whose_brakes_report_nothing(engine, holds):
     assert not any(machine.notices)
 
 
+@pytest.mark.parametrize('failed', [['theta_2'], ['theta_2', 'theta_1'], ['theta_2', 'strut_3']])
+@pytest.mark.parametrize(('way', 'time'), [
+    ('friction', 0.06), ('friction', 0.2), ('damped spring', 0.01),
+])
+def test_steps_without_a_new_reading_show_nothing(way, time, failed):
+    """Joint states at 20 Hz and a watchdog at 100: what is seen once has been read once."""
+    counts = {}
+    for steps in (1, 5):
+        supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
+        converter, shown = supervisor.converter, []
+        supervisor.joint_reading(np.zeros(3), 0.0)
+        for name in failed:
+            output = report(supervisor, 'hard' if 'strut' in name else 'torque', name, 0.0)
+        converter.consider(output, 0.0)
+        for number in range(1, 100):
+            now = 0.01 * number
+            if number % 5 == 0:
+                place = ending(way, time)(max(now - 0.04, 0.0))
+                values = np.array([0.1 * place, place, np.nan if 'strut_3' in failed else 0.0])
+                assert supervisor.joint_reading(values, now) is None
+            if number % (5 // steps) == 0:
+                output = supervisor.step(now)
+                shown.append(converter.observe(output, now))
+        counts[steps] = sum(one is not None for one in shown)
+        assert output.reading == 20
+    assert counts == {1: 0, 5: 0}
+
+
 def test_what_is_shown_is_told_once_a_second_until_it_is_heard():
     supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
     converter, told = supervisor.converter, []

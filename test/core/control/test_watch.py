@@ -61,6 +61,28 @@ def test_drives_too_slow_for_their_encoders_are_not_taken_for_deaf():
         assert not news
 
 
+@pytest.mark.parametrize('failure', [(), ('stuck', 'theta_2'), ('free', 'theta_2'),
+                                     ('lost', 'strut_2')])
+def test_steps_between_two_readings_measure_no_travel(failure):
+    """A watchdog steps more often than readings come; each of them is compared once."""
+    errors = []
+    for steps in (1, 10):
+        supervisor = fed(MIRROR, joint_state_timeout=9.0, command_timeout=9.0)
+        if failure:
+            supervisor.reports([report(*failure)], 0.0)
+        values = np.zeros(4)
+        for number in range(1, 80):
+            now = 0.05 * (number // 10) + 0.005 * (number % 10)
+            if number % 10 == 0:
+                feed(supervisor, now, (number % 3 + 1.0) * np.array(ASKED), values)
+            if number % (10 // steps) == 0:
+                output = supervisor.step(now)
+                supervisor.watch()
+            values = values + 0.005 * output.rates if number > 10 else values
+        errors.append(supervisor.metrics().tracking_error)
+    assert errors == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
 def test_turning_drives_count_at_the_characteristic_length():
     asked = [0.01, 0.0, 0.0][: len(ARM.task.coordinates)]
     supervisor, _, missing = run(ARM, (0.5, 1.0, 1.0), asked)
