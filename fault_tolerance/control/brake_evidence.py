@@ -40,8 +40,12 @@ characteristic length where the stroke has one end only."""
 REVOKED = 1e-4
 """Characteristic lengths after which a drive that moves is not held; or its travel, if longer."""
 
-MOST, LOOK = 2000, 0.015
-"""Readings kept, and seconds between two looks at them, which take a quarter of a millisecond."""
+MOST = 2000
+"""Readings kept. Beyond, every second one goes, and of further ones as many are left out: the
+course is kept from its beginning, evenly, as finely as its length needs."""
+
+LOOK = 0.015
+"""Seconds between two looks at the readings, which take a quarter of a millisecond."""
 
 _LEAST_READINGS = 4
 
@@ -68,6 +72,7 @@ class BrakeEvidence:
     def __init__(self, drive: Actuator, unit: float) -> None:
         self._drive, self._unit = drive, unit
         self._course: list[tuple[float, float]] = []
+        self._stride, self._skipped = 1, 0
         self.travel = 0.0
         self.place: float | None = None
         self.refuted = False
@@ -75,10 +80,15 @@ class BrakeEvidence:
 
     def add(self, now: float, value: float) -> None:
         """Take what the drive reads ``now`` (s): ``value``, m or rad from home."""
-        if np.isfinite(value):
+        if self._course and now < self._course[-1][0]:  # the clock was set back
+            self._course, self._stride, self._looked = [], 1, -np.inf
+        self._skipped += 1
+        if np.isfinite(value) and self._skipped >= self._stride:
             self._course.append((now, value))
+            self._skipped = 0
             if len(self._course) > MOST:
-                del self._course[: MOST // 2]
+                del self._course[1::2]
+                self._stride *= 2
 
     @property
     def has_moved(self) -> bool:

@@ -132,8 +132,12 @@ class Converter:
             if name in failures.free:
                 evidence.add(now, value)
                 # A report takes its time to come back, and may get lost.
-                due = name in self._since and now >= self._told.get(name, -inf) + CONFIRMATION
-                if due and evidence.shows_a_stop(self._since[name]):
+                told = 0.0 <= now - self._told.get(name, -inf) < CONFIRMATION
+                if name in self._since and not told:
+                    # A clock may have been set back since.
+                    self._since[name] = asked = min(self._since[name], now)
+                    if not evidence.shows_a_stop(asked):
+                        continue
                     self._told[name] = now
                     return Report((CONVERSION, name), name, FailureMode.POSITION.value, ERROR, now)
         return None

@@ -23,12 +23,14 @@ MIRROR = braked()
 PERIOD = 0.01
 
 
-def shown_after(course, noise=1e-8, seconds=2.0, asked=0.02, seed=0, stroke=None):
+def shown_after(
+    course, noise=1e-8, seconds=2.0, asked=0.02, seed=0, stroke=None, period=PERIOD
+):
     """Return when a drive whose readings follow ``course`` is shown to be held; None: never."""
     rng, drive = np.random.default_rng(seed), MIRROR.actuators[1]
     drive = replace(drive, position=stroke or drive.position)
     evidence = BrakeEvidence(drive, MIRROR.characteristic_length)
-    for now in np.arange(0.0, seconds, PERIOD):
+    for now in np.arange(0.0, seconds, period):
         evidence.add(now, course(now) + noise * rng.standard_normal())
         if evidence.shows_a_stop(asked):
             return now
@@ -41,6 +43,15 @@ def test_a_load_moves_it_and_a_brake_ends_that(closing, noise):
     for course in (lambda t: 3e-4 * min(t, closing), lambda t: -5e-3 * min(t, closing) ** 2):
         found = shown_after(course, noise)
         assert 0.3 <= found - closing <= max(0.3, 3.0 * closing) + 0.04
+
+
+@pytest.mark.parametrize(('rate', 'closing'), [
+    (1000, 0.1), (1000, 0.45), (1000, 0.6), (1000, 0.8), (1000, 3.0), (100, 2.4), (100, 6.0),
+])
+def test_however_many_readings_there_are_until_the_brake_has_closed(rate, closing):
+    found = shown_after(
+        lambda t: 1e-4 * min(t / closing, 1.0), 1e-8, 4.1 * closing + 0.3, period=1 / rate)
+    assert max(0.3, 2.9 * closing) <= found - closing <= 3.05 * closing + 0.04
 
 
 def ending(way, time):
@@ -168,6 +179,35 @@ def test_steps_without_a_new_reading_show_nothing(way, time, failed):
         counts[steps] = sum(one is not None for one in shown)
         assert output.reading == 20
     assert counts == {1: 0, 5: 0}
+
+
+@pytest.mark.parametrize('way', ['spring', 'friction', 'swinging', 'falling on'])
+def test_nor_at_a_high_rate_for_a_long_time(way):
+    for time in (0.1, 1.0):
+        assert shown_after(ending(way, time), 1e-8, 7.0, period=1e-3) is None
+
+
+def test_a_clock_set_back_neither_shows_nor_silences_anything():
+    """Readings of another time are no evidence for this one; what stands now may be told now."""
+    evidence = BrakeEvidence(MIRROR.actuators[1], MIRROR.characteristic_length)
+    for now in np.arange(100.0, 100.05, PERIOD):
+        evidence.add(now, 3e-4 * (now - 100.0))
+    for now in np.arange(3.0, 5.0, PERIOD):
+        evidence.add(now, 1.5e-5)
+        assert not evidence.shows_a_stop(2.9)
+    supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
+    converter, told = supervisor.converter, []
+    for begin in (100.0, 3.0):
+        for now in np.arange(begin, begin + 0.7, PERIOD):
+            place = 3e-4 * min(now - begin, 0.1)
+            supervisor.joint_reading(np.array([0.0, place, 0.0]), now, now)
+            output = supervisor.step(now)
+            if now == 100.0:
+                output = report(supervisor, 'torque', 'theta_2', now)
+            if converter.observe(output, now):
+                told.append(now)
+            converter.consider(output, now)
+    assert told == pytest.approx([100.4, 3.4], abs=4.0 * PERIOD)
 
 
 def test_what_is_shown_is_told_once_a_second_until_it_is_heard():
