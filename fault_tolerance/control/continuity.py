@@ -27,7 +27,9 @@ SLACK = 1e-3
 """Characteristic lengths (radians for drives that turn) of a jump that is none: noise, steps."""
 
 FROZEN = 3
-"""Readings in a row that an encoder repeats while others change, after which it is silent."""
+"""Readings in a row that an encoder repeats while others change, after which it is silent: but not
+while a brake is engaged, as what it holds stands still. An encoder that was silent before stays so
+until its reading changes."""
 
 WHOLE_TURNS = 0.02
 """Share of a turn by which a jump may differ from whole turns to be called a wrap."""
@@ -58,6 +60,8 @@ class Continuity(InputWatchdog):
     ----------
     moving : bool
         Whether the mechanism moves on command: else by hand, perhaps.
+    braked : tuple of str
+        Actuators whose brakes are engaged.
     doubt : str
         Why what is read is not believed, where that has lasted; empty otherwise.
     sensorless : (N,) array of bool
@@ -80,6 +84,7 @@ class Continuity(InputWatchdog):
         self._heard = self._refused = -inf
         self._since = inf
         self.moving, self.doubt = False, ''
+        self.braked: tuple[str, ...] = ()
         self.have_failed(FailureSet())
 
     def forget(self) -> None:
@@ -144,7 +149,11 @@ class Continuity(InputWatchdog):
         if self._stuck or self._free:
             same = value == self._raws
             if not same.all():
-                self._repeated = np.where(same, self._repeated + 1, 0)
+                counted = np.where(same, self._repeated + 1, 0)
+                for index in self._free:
+                    if same[index] and self._mechanism.actuators[index].name in self.braked:
+                        counted[index] = self._repeated[index]
+                self._repeated = counted
             self._raws = value
             silent, near = np.isnan(value), False
             silent[self._free] |= self._repeated[self._free] >= FROZEN

@@ -143,6 +143,7 @@ class Supervisor:
             notice = unusable(self.mechanism, taken, self._ledger.failures.parts)
             taken[~(np.abs(taken) <= FARTHEST)] = np.nan
         taken.setflags(write=False)
+        self._readings.braked = self.converter.engaged
         notice = notice or self._readings.offer(taken, now, stamp)
         if notice is None:
             self._outdated = True

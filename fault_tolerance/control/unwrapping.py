@@ -15,13 +15,17 @@ from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 
 AGREEMENT = 1e-3
-"""Characteristic lengths by which readings of the right turns may contradict each other."""
+"""Characteristic lengths; readings that contradict each other by less are of the right turns."""
 
 FARTHEST = 3
 """Periods to either side that are looked at where nothing limits the stroke."""
 
-MOST = 250
-"""Combinations that are tried: where Python computes, each takes some ten milliseconds."""
+TRIES, TRIES_IN_PYTHON = 250, 50
+"""Combinations that are tried until one closes the loops: 20 ms, and a second in Python. Without
+one the mechanism holds."""
+
+FURTHER_TRIES = 5
+"""Combinations tried after the first that closes the loops, for one that agrees better."""
 
 
 def closing_turns(
@@ -29,8 +33,8 @@ def closing_turns(
 ) -> FloatArray:
     """Return joint values with whole periods added, such that the loops close.
 
-    Of those within the strokes the nearest to ``near`` with which redundant readings agree; where
-    there is none, the nearest with which the loops close; where they never do, the nearest. What
+    Of those within the strokes the nearest to ``near`` with which the loops close, or one little
+    farther away with which redundant readings agree; where they never close, the nearest. What
     drives without redundancy read fits any turn.
 
     Parameters
@@ -56,16 +60,17 @@ def closing_turns(
     closing: FloatArray | None = None
     begin = (0,) * len(choices)
     queue, known = [(0.0, begin)], {begin}
-    for _ in range(MOST):
-        if not queue:
-            break
+    left = TRIES if model.kernel.compiled else TRIES_IN_PYTHON
+    while queue and left > 0:
         _, chosen = heappop(queue)
         turned = np.array([some[one] for some, one in zip(choices, chosen, strict=True)])
         found = estimate(model, model.unknown, turned, failures)
         if not found.obstacle:
             if found.misfit <= limit:
                 return turned
-            closing = turned if closing is None else closing
+            if closing is None:
+                closing, left = turned, FURTHER_TRIES + 1
+        left -= 1
         for place, some in enumerate(choices):
             following = (*chosen[:place], chosen[place] + 1, *chosen[place + 1:])
             if following[place] < len(some) and following not in known:

@@ -210,6 +210,31 @@ def test_a_clock_set_back_neither_shows_nor_silences_anything():
     assert told == pytest.approx([100.4, 3.4], abs=4.0 * PERIOD)
 
 
+@pytest.mark.parametrize('step', [1e-9, 1e-7])
+@pytest.mark.parametrize('dies', [None, 0.0, 0.05])
+def test_an_encoder_with_steps_repeats_itself_where_the_brake_holds(step, dies):
+    """Others change by a step now and then. One that fell silent before the brake is not heard."""
+    supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
+    converter, told, sensorless = supervisor.converter, [], set()
+    engages = 0.02 if dies is None else 0.15
+    for number, now in enumerate(np.arange(0.0, 0.8, PERIOD)):
+        place = 3e-4 * min(now, 0.1 if dies is None else dies)
+        values = np.array([number % 2, round(place / step), number // 3 % 2]) * step
+        supervisor.joint_reading(values, now)
+        output = supervisor.step(now)
+        if now == 0.0:
+            output = report(supervisor, 'torque', 'theta_2', now)
+        if converter.observe(output, now):
+            told.append(now)
+        if now >= engages:
+            converter.consider(output, now)
+        sensorless.update(output.sensorless)
+    assert told == ([pytest.approx(0.4, abs=0.04)] if dies is None else [])
+    assert sensorless == (set() if dies is None else {'theta_2'})
+    assert output.sensorless == tuple(sensorless)
+    assert converter.engaged == ('theta_2',)
+
+
 def test_what_is_shown_is_told_once_a_second_until_it_is_heard():
     supervisor = Supervisor(MIRROR, Settings(convert='act', joint_state_timeout=9.0))
     converter, told = supervisor.converter, []

@@ -2,16 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings that cannot be true are not believed; encoders that wrap, die or come in parts are."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fault_tolerance.control.estimate import control_model
 from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.control.unwrapping import closing_turns
+from fault_tolerance.kernel.compilation import best_kernel
+from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
 from fault_tolerance.mechanism.files import mechanism_from_text
 
@@ -202,6 +208,29 @@ def test_at_the_start_it_is_in_the_turn_that_closes_the_loops(place, near):
     machine.supervisor.pause(False, machine.now)
     assert machine.read(wrapped, 10.0) is None
     np.testing.assert_allclose(machine.supervisor.output.estimate.readings, values, atol=1e-12)
+
+
+@pytest.mark.parametrize(('misfit', 'compiled', 'most'), [
+    (0.0, True, 1), (2e-3, True, 6), (4e-3, False, 6), (0.1, True, 250), (0.1, False, 50),
+])
+def test_few_turns_are_tried_where_encoders_agree_well_enough_to_go_on(misfit, compiled, most):
+    """Each is an estimate in the callback; nothing moves while none of them closes the loops."""
+    mechanism, legs = planar(0.2)
+    kernel, calls = best_kernel(), []
+
+    def counted(*given):
+        calls.append(0)
+        kernel.estimate(*given)
+
+    model = control_model(
+        mechanism, Settings(), replace(kernel, estimate=counted, compiled=compiled))
+    against = misfit * mechanism.characteristic_length * np.array([1.0, -1.0, 1.0, -1.0])
+    values = legs(0.02, 0.03, 0.1) + against
+    calls.clear()
+    found = closing_turns(model, (values + 0.1) % 0.2 - 0.1, np.zeros(4), FailureSet())
+    assert 1 <= len(calls) <= most
+    if misfit < 5e-3:
+        np.testing.assert_allclose(found, values, atol=1e-12)
 
 
 def test_without_redundancy_it_is_where_it_was_before_a_pause():
