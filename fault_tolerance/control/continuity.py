@@ -70,6 +70,7 @@ class Continuity(InputWatchdog):
 
     def __init__(self, mechanism: Mechanism, timeout: float, turns: Turns) -> None:
         super().__init__('joint state', timeout)
+        self._lacking = 'no usable joint state'
         self._mechanism = mechanism
         drives = mechanism.actuators
         self._speeds = np.array([_speed(one) for one in drives])

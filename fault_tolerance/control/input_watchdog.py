@@ -18,7 +18,7 @@ class InputWatchdog:
     """
 
     def __init__(self, name: str, timeout: float) -> None:
-        self._name = name
+        self._name, self._lacking = name, f'no {name}'
         self.timeout = timeout
         self._stamp = -inf
         self.value: FloatArray | None = None
@@ -36,6 +36,15 @@ class InputWatchdog:
             return self._too_old('stale', f'{now - given:.3f} s old on arrival')
         self.value, self._stamp, self.deadline = value, given, now + self.timeout
         return None
+
+    @property
+    def missing(self) -> str:
+        """Why there is no value in force; for where there is none."""
+        if self.value is None:
+            return f'{self._lacking} yet'
+        if self.deadline == -inf:
+            return f'waiting for a {self._name} after the clock was set back'
+        return f'{self._lacking} for {self.timeout:g} s'
 
     def restart_clock(self) -> None:
         """Let the value be stale until the next one: the clock was set back."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, isnan
 
 import numpy as np
@@ -124,29 +124,30 @@ def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
     ``since_report`` is the seconds since the last report, infinite if there was none. State and
     message only, before anything is known or where the measures fail.
     """
-    state, estimate = output.state.value, output.estimate
-    message, level = state, output.level
-    failures = tuple(map(str, output.failures.failures))
+    state, failures = output.state.value, tuple(map(str, output.failures.failures))
+    told = Metrics(state, state, output.level, failures)
     try:
-        message = f'{state}: {output.reason}'
-        if not estimate.located:
-            return Metrics(state, message, level, failures)
-        verdict, values = estimate.post.verdict, estimate.measures()
-        retained, smallest, condition = motion_quality(estimate.post)
-        groups = _groups(output, watch)
+        told = replace(told, message=f'{state}: {output.reason}')
+        if output.estimate.located:
+            told = _with_measures(told, output, watch, since_report)
+        return told
     except Exception as error:  # the state must be told even if the measures fail
-        message = f'{message}; no measures: {clean(f"{type(error).__name__}: {error}")}'
-        return Metrics(state, message, level, failures)
+        text = clean(f'{type(error).__name__}: {error}')
+        return replace(told, message=f'{told.message}; no measures: {text}')
+
+
+def _with_measures(told: Metrics, output: Output, watch: Watch, since_report: float) -> Metrics:
+    estimate = output.estimate
+    verdict, values = estimate.post.verdict, estimate.measures()
+    retained, smallest, condition = motion_quality(estimate.post)
+    groups = _groups(output, watch)
     mechanism, command = estimate.model.mechanism, output.command
     position, torque, hard = np.split(values[3:], np.arange(1, 3) * len(mechanism.actuators))
     worst, worst_measure = '', 0.0
     if output.state is not State.STOPPED:
         worst, worst_measure = _worst(groups, *worst_failure(mechanism, position, torque, hard))
-    return Metrics(
-        state=state,
-        message=message,
-        level=level,
-        failures=failures,
+    return replace(
+        told,
         mobility=verdict.mobility,
         lost=verdict.lost,
         gained=verdict.gained,

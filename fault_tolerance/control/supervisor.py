@@ -46,27 +46,11 @@ WAITING = 'no joint state yet'
 
 
 class Supervisor:
-    """Keeps a mechanism pointing through failures, or stops it.
+    """Keeps a ``mechanism`` pointing through failures, or stops it.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    settings : Settings, optional
-    kernel : Kernel, optional
-        The compiled one by default, where numba works.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-    settings : Settings
-    output : Output
-        What the last step gave.
-    converter : Converter
-        Looks at the failures when it is told to.
-    still_reported : callable
-        Returns whether a clear now (seconds) would leave a failure in force.
-    secondary : SecondaryMotion
-        Looks around when it is told to.
+    ``kernel`` is the compiled one by default, where numba works. ``output`` is what the last step
+    gave; ``still_reported(now)`` returns whether ``clear(now)`` would leave a failure in force.
+    Whoever runs the steps calls ``converter`` and ``secondary`` after the command.
     """
 
     def __init__(
@@ -144,7 +128,10 @@ class Supervisor:
             taken[~(np.abs(taken) <= FARTHEST)] = np.nan
         taken.setflags(write=False)
         self._readings.braked = self.converter.engaged
-        notice = notice or self._readings.offer(taken, now, stamp)
+        try:
+            notice = notice or self._readings.offer(taken, now, stamp)
+        except Exception as error:  # an estimate of turns may fail
+            notice = Notice('internal_error', f'joint state refused: {_words(error)}')
         if notice is None:
             self._outdated = True
             self._accepted += 1
@@ -241,9 +228,8 @@ class Supervisor:
             degraded = found if failures.parts else ''
             stop = ledger.stop_reason or ('' if found.tolerated else degraded)
             hold: Reason = ', '.join(sorted(self._pauses)) or readings.doubt
-            if stale and not hold:
-                hold = f'no usable joint state for {self.settings.joint_state_timeout:g} s'
-            hold = hold or found.obstacle or ('' if found.tolerated or degraded else found)
+            hold = hold or (readings.missing if stale else found.obstacle)
+            hold = hold or ('' if found.tolerated or degraded else found)
             if found.located and not (stop or hold or self._machine.stop):
                 climbs = self.secondary.active and not idle
                 wanted = self.secondary.velocity(asked, found, now) if climbs else asked
@@ -259,7 +245,7 @@ class Supervisor:
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
             self._errors += 1
-            text = clean(f'internal error: {type(error).__name__}: {error}')
+            text = _words(error)
             stop = text if self._errors >= MOST_ERRORS else ledger.stop_reason
             decision, command = self._machine.decide(stop, text, '', '', ''), None
             parking.end()
@@ -298,3 +284,7 @@ class Supervisor:
         if now < self._now:
             self.forget_times(now)
         self._now = now
+
+
+def _words(error: Exception) -> str:
+    return clean(f'internal error: {type(error).__name__}: {error}')

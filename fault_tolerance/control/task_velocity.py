@@ -43,6 +43,4 @@ class TaskVelocity(InputWatchdog):
 
     def nothing(self) -> tuple[FloatArray, str]:
         """Return zeros (l,), and why nothing is asked for."""
-        if self.value is None:
-            return self._still, 'no task velocity yet'
-        return self._still, f'no task velocity for {self.timeout:g} s'
+        return self._still, self.missing

@@ -106,7 +106,7 @@ class Watch:
         self.internal_force = nan
         self._strokes = Plausibility(mechanism)
         self._tracking = Tracking(mechanism)
-        self._free_at = -inf
+        self._free_at = inf
         self._reading = 0
         self._excesses: dict[str, Notice] = {}
         self.notices: tuple[Notice, ...] = ()
@@ -155,11 +155,9 @@ class Watch:
             if 0.0 < limit < value:
                 text = f'{reason.replace("_", " ")} of {value:.3g} {unit} (limit {limit:g})'
                 yield Notice(reason, text, rejected=False)
-        if not settings.saturation_limit:
-            return
-        names = output.saturation
-        if not names or self._free_at == -inf:
+        names, limit = output.saturation, settings.saturation_limit
+        if not names or not self._free_at <= now:
             self._free_at = now
-        elif now - self._free_at > settings.saturation_limit:
+        elif 0.0 < limit < now - self._free_at:
             text = f'{", ".join(names)} at a limit for {settings.saturation_limit:g} s'
             yield Notice('saturation', text, rejected=False)

@@ -66,6 +66,17 @@ def test_a_healthy_mirror():
     ]
 
 
+@pytest.mark.parametrize('missing', ['command', 'silent', 'estimate'])
+def test_whatever_fails_the_state_is_told(missing):
+    supervisor = fed(FSM, velocity=ASKED)
+    output = supervisor.step(0.0)
+    metrics = supervisor.metrics(dataclasses.replace(output, **{missing: None}))
+
+    require_plain(metrics)
+    assert (metrics.state, metrics.level, metrics.mobility) == ('nominal', OK, 0)
+    assert 'no measures: AttributeError' in metrics.message
+
+
 def test_a_tolerated_failure():
     supervisor = fed(FSM, velocity=ASKED)
     supervisor.reports([report('stuck', 'theta_4')], 0.0)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import MOST_ERRORS, Supervisor
-from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
+from fault_tolerance.mechanism.files import mechanism_from_text
 
 FSM = mechanism_named('fsm_4_strut')
 ASKED = [0.01, 0.02, 0.0]
@@ -196,9 +197,15 @@ def test_a_clock_set_back_holds_until_the_next_readings():
     supervisor = fed(FSM, now=1000.0, velocity=ASKED)
     assert supervisor.step(1000.0).rates.any()
 
-    assert supervisor.step(3.0).state is State.HOLD
-    feed(supervisor, 3.01, ASKED)
-    assert supervisor.step(3.01).rates.any()
+    held = supervisor.step(3.0)
+    assert held.state is State.HOLD
+    assert held.reason == 'waiting for a joint state after the clock was set back'
+    feed(supervisor, 3.01)
+    resting = supervisor.step(3.01)
+    assert resting.reason.endswith('waiting for a task velocity after the clock was set back')
+    feed(supervisor, 3.02, ASKED)
+    assert supervisor.step(3.02).rates.any()
+    assert supervisor.step(9.0).reason == 'no usable joint state for 0.1 s'
 
 
 def test_told_to_forget_times_it_holds_until_the_next_readings():
@@ -257,6 +264,26 @@ def test_internal_errors_give_zeros_at_once_and_stop_in_the_end():
     assert after.state is State.STOPPED
     assert supervisor.clear(0.0).success
     assert supervisor.step(0.01).rates.any()
+
+
+def test_a_reading_that_ends_in_an_internal_error_is_refused_with_a_notice():
+    """Encoders that wrap are estimated in several turns where they are taken."""
+    text = mechanism_path('planar_4rpr').read_text()
+    mechanism = mechanism_from_text(
+        text.replace('velocity: 0.5', 'velocity: 0.5, period: 0.2'))
+    supervisor = fed(mechanism, velocity=[0.01, 0.0, 0.0])
+    assert supervisor.step(0.0).rates.any()
+    sound = supervisor.kernel
+    failing(supervisor, 'estimate')
+    supervisor.pause(False, 0.0)  # what comes now is looked for in all turns
+    notice = supervisor.joint_reading(np.zeros(4), 0.01)
+    assert (notice.reason, notice.rejected) == ('internal_error', True)
+    assert 'RuntimeError: a?fault' in notice.text
+    supervisor.kernel = sound
+    assert supervisor.step(0.02).state is State.NOMINAL
+    assert supervisor.step(0.2).state is State.HOLD
+    feed(supervisor, 0.3, [0.01, 0.0, 0.0])
+    assert supervisor.step(0.3).rates.any()
 
 
 def test_internal_errors_that_pass_are_forgotten():

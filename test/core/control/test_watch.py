@@ -3,6 +3,8 @@
 
 """What is watched beside the commands, and what is warned of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from core.control.control_cases import fed, feed, report
@@ -118,6 +120,19 @@ def test_each_limit_warns_once_and_for_as_long_as_it_lasts():
     metrics = supervisor.metrics()
     assert (metrics.level, metrics.message) == (OK, 'nominal: no failure')
     assert metrics.internal_force is None
+
+
+def test_a_limit_that_is_set_anew_counts_what_lasts_from_then():
+    supervisor, news = fed(MIRROR, saturation_limit=0.2), []
+    for number in range(1, 130):
+        now = number * PERIOD
+        if number in (10, 61):  # at a limit from 0.6 s on
+            limit = 0.0 if number == 10 else 0.2
+            supervisor.go_on_with(replace(supervisor.settings, saturation_limit=limit))
+        feed(supervisor, now, [50.0, 0.0, 0.0] if number >= 60 else [0.0, 0.0, 0.0])
+        supervisor.step(now)
+        news += [(one.reason, now) for one in supervisor.watch() if one.reason == 'saturation']
+    assert news == [('saturation', pytest.approx(0.8, abs=1.5 * PERIOD))]
 
 
 def test_without_limits_nothing_is_warned_of():
