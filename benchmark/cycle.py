@@ -22,9 +22,10 @@ from benchmark.listening import Listening
 from benchmark.names import BANK, CYCLE, DEGRADED, DETECTION, GROWTH, STEP
 from benchmark.peers import PEERS
 from benchmark.samples import main, row
-from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.control_model import control_model
+from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.failure_reports import ERROR, Report
-from fault_tolerance.control.resolved_rate import no_command, rate_command
+from fault_tolerance.control.rate_command import initial_command, rate_command
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.kernel.compilation import best_kernel
@@ -63,7 +64,7 @@ def path(mechanism: Mechanism) -> list[Configuration]:
 def derived_anew(mechanism: Mechanism, readings: list[np.ndarray]) -> Callable[[], object]:
     """Return a call of estimate and command at the next readings, each from the last."""
     model, none = control_model(mechanism, Settings(), best_kernel()), failure_set(mechanism, [])
-    last, sent = model.unknown, no_command(model)
+    last, sent = model.unknown, initial_command(model)
     velocity = np.full(len(mechanism.task.coordinates), 1e-5)
     velocity.setflags(write=False)
     count = 0

@@ -18,7 +18,8 @@ import numpy as np
 from benchmark.cycle import in_turn
 from benchmark.names import DEFINITIONS, LIVE, LIVE_DEFINITIONS, MEASURES, PAIRS
 from benchmark.samples import main, row
-from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.control_model import control_model
+from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.actuator_measures import (

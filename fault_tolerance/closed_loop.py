@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fault_tolerance.control.failure_ledger import ClearOutcome
 from fault_tolerance.control.failure_reports import ERROR, OK, Report
-from fault_tolerance.control.output import ClearOutcome, Output
-from fault_tolerance.control.pointing import PointingLoop, platform_error
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, State
+from fault_tolerance.control.step_output import Output
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.detection.monitor_settings import MonitorSettings
@@ -31,6 +31,7 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.faults import FaultBook, fault_command
 from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.pointing import PointingLoop, platform_error
 from fault_tolerance.simulation.reference import Circle, Reference
 from fault_tolerance.simulation.state import Plant, PlantState
 
@@ -185,7 +186,7 @@ class ClosedLoop:
         if reports and supervisor.reports(reports, self._now):
             self.plant.command(supervisor.step(self._now).rates)
             monitor.detector.command(stamp, supervisor.output.rates)
-        supervisor.move_beside(monitor.rates)
+        supervisor.add_probe_rates(monitor.rates)
 
     def _convert(self) -> None:
         """Engage the brakes and let go the struts that the controller asks for."""

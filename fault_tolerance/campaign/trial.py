@@ -112,7 +112,7 @@ class Bench:
         """
         loop = self._loop.forked(seed)
         if control:
-            loop.supervisor.go_on_with(replace(loop.supervisor.settings, **control))
+            loop.supervisor.apply_settings(replace(loop.supervisor.settings, **control))
         loop.run(float(np.random.default_rng(seed).uniform(0.0, self.settings.latest)))
         for failure in failures.failures:
             loop.inject(f'{failure.mode.value} {failure.name}')

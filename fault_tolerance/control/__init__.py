@@ -3,7 +3,7 @@
 
 """The controller without ROS; `supervisor` runs one step through the other modules.
 
-In come `joint_states` and `failure_reports`, each by an `input_watchdog` or the `failure_ledger`.
-`estimate` tells where the mechanism is, `resolved_rate` the command, and `state_machine` whether
-to move. Out go `output`, `metrics` and `notices`. All limits on rates are kept in kernel/law.py.
+Inputs: `joint_states` and `reading_filter`, `timed_input`, `failure_reports` and `failure_ledger`.
+A step: `estimate` says where the mechanism is, `rate_command` how to move (all limits are kept in
+kernel/law.py), `state_machine` whether to. Results: `step_output`, `metrics`, `notices`.
 """

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 from fault_tolerance.control.failure_reports import STALE, Report, Statement, interpret
 from fault_tolerance.control.notices import Notice, clean
+from fault_tolerance.control.settings import Settings
 from fault_tolerance.kinematics.failures import (
     FailureMode,
     FailureSet,
@@ -29,7 +30,7 @@ REPEAT_WINDOW = 1.5
 """Seconds after a clear during which reports stamped before it are taken for late arrivals."""
 
 CAPACITY = 256
-"""Sources told apart; what further ones report adds up, but cannot be replaced any more."""
+"""Sources told apart. What further ones report adds up, but is not replaced by later reports."""
 
 
 class LedgerUpdate(NamedTuple):
@@ -44,13 +45,31 @@ class LedgerUpdate(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LedgerClear:
-    """What a clear did."""
+class ClearOutcome:
+    """What clearing the failures did."""
 
     released: tuple[str, ...]
     """Failures that are gone, as text."""
     remaining: tuple[str, ...]
-    """Failures that are still reported."""
+    """Failures that are still reported, or seen by detection."""
+    stop_lifted: bool = False
+    state: str = ''
+    """The state of the controller now."""
+
+    @property
+    def success(self) -> bool:
+        """Whether anything was released."""
+        return bool(self.released) or self.stop_lifted
+
+    @property
+    def message(self) -> str:
+        """What was released, what is still reported, and the state now."""
+        parts = [f'released {", ".join(self.released)}'] if self.released else []
+        if self.remaining:
+            parts.append(f'still reported: {", ".join(self.remaining)}')
+        if not parts:
+            parts.append('stop lifted' if self.stop_lifted else 'nothing to release')
+        return f'{"; ".join(parts)}; now {self.state}'
 
 
 class _Entry(NamedTuple):
@@ -67,21 +86,11 @@ _Source = tuple[str, str]
 class FailureLedger:
     """Latches failure reports on ``mechanism`` and gives the failures in force.
 
-    With ``auto_clear`` a source that reports its part healthy releases its failure; with
-    ``stop_on_unknown_mode`` an unknown mode at level ERROR or above demands a stop. A failure
-    counts as still reported for ``report_timeout`` seconds.
+    Of the ``settings`` it goes by `auto_clear`, `unknown_mode` and `report_timeout`.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        *,
-        auto_clear: bool = False,
-        stop_on_unknown_mode: bool = True,
-        report_timeout: float = 3.0,
-    ) -> None:
-        self._mechanism = mechanism
-        self.set_rules(auto_clear, stop_on_unknown_mode, report_timeout)
+    def __init__(self, mechanism: Mechanism, settings: Settings) -> None:
+        self._mechanism, self.settings = mechanism, settings
         self._entries: dict[_Source, _Entry] = {}
         self._cleared_at: float | None = None
         self.heard = -inf
@@ -90,14 +99,6 @@ class FailureLedger:
         self.stop_reason = ''
         """Why the reports demand a stop by themselves; empty if they do not."""
 
-    def set_rules(
-        self, auto_clear: bool, stop_on_unknown_mode: bool, report_timeout: float
-    ) -> None:
-        """Go on with other ``auto_clear``, ``stop_on_unknown_mode`` and ``report_timeout`` (s)."""
-        self._auto_clear = auto_clear
-        self._stop_on_unknown_mode = stop_on_unknown_mode
-        self._report_timeout = report_timeout
-
     def apply(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
         """Take the ``reports`` of one message, received at ``now`` (s); return what they did."""
         failures, stop_reason = self.failures, self.stop_reason
@@ -105,23 +106,26 @@ class FailureLedger:
         message = self._statements(reports, now, notices)
         if message:
             self.heard = now
-        news = [source for source, said in message.items() if self._latch(source, *said, notices)]
-        if news:
+        changes = [source for source, one in message.items() if self._latch(source, *one, notices)]
+        if changes:
             self._refresh()
             if len(message) > 1:
                 notices.extend(self._conflicts(statement for _, statement in message.values()))
         changed = self.failures is not failures or self.stop_reason != stop_reason
         return LedgerUpdate(changed, tuple(notices))
 
-    def clear(self, now: float) -> LedgerClear:
-        """Release every failure not still reported at ``now`` (s); return which they are."""
+    def clear(self, now: float, seen: Sequence[str] = ()) -> ClearOutcome:
+        """Release every failure not still reported at ``now`` (s); return which they are.
+
+        Failures that detection has still ``seen``, as text, are among the remaining ones.
+        """
         self._cleared_at = now
         kept = self._reported(now)
         remaining = _texts(kept.values())
         released = tuple(text for text in _texts(self._entries.values()) if text not in remaining)
         self._entries = kept
         self._refresh()
-        return LedgerClear(released, remaining)
+        return ClearOutcome(released, tuple(dict.fromkeys([*remaining, *seen])))
 
     def still_reported(self, now: float) -> bool:
         """Return whether clearing at ``now`` (s) would leave a failure in force."""
@@ -137,7 +141,7 @@ class FailureLedger:
         return {
             source: entry
             for source, entry in self._entries.items()
-            if not entry.healed and now - entry.heard < self._report_timeout
+            if not entry.healed and now - entry.heard < self.settings.report_timeout
         }
 
     def _statements(
@@ -153,7 +157,7 @@ class FailureLedger:
             statement = _repeated(report, entry) if entry else None
             if statement is None:
                 statement, remarks = interpret(
-                    report, self._mechanism, stop_on_unknown_mode=self._stop_on_unknown_mode
+                    report, self._mechanism, self.settings.unknown_mode == 'stop'
                 )
                 notices.extend(remarks)
             if statement is None:
@@ -163,7 +167,7 @@ class FailureLedger:
                 text = f'{report.target} {report.mode}: reported before the last clear'
                 notices.append(Notice('before_clear', clean(text), part=report.target or ''))
                 continue
-            source = self._place(report.source, statement)
+            source = self._key(report.source, statement)
             earlier = message.get(source)
             if earlier and earlier[0] == stamp and earlier[1].severity > statement.severity:
                 continue
@@ -175,8 +179,8 @@ class FailureLedger:
         cleared_at = self._cleared_at
         return cleared_at is not None and stamp < cleared_at and now - cleared_at <= REPEAT_WINDOW
 
-    def _place(self, source: _Source, statement: Statement) -> _Source:
-        """Return the key a statement is kept under; past the capacity, one per failure."""
+    def _key(self, source: _Source, statement: Statement) -> _Source:
+        """Return the key of a statement; in a full table sources share one per part and mode."""
         if source in self._entries or len(self._entries) < CAPACITY:
             return source
         return ('', f'{statement.target} {statement.severity}')
@@ -184,12 +188,12 @@ class FailureLedger:
     def _latch(
         self, source: _Source, stamp: float, statement: Statement, notices: list[Notice]
     ) -> bool:
-        """Keep a statement; return whether it is news."""
+        """Keep a statement; return whether it changes anything."""
         entry = self._entries.get(source)
         if statement.mode is not FailureMode.NONE:
             self._entries[source] = _Entry(statement, stamp)
             return entry is None or entry.statement != statement
-        if entry and self._auto_clear:
+        if entry and self.settings.auto_clear:
             del self._entries[source]
             return True
         if entry and not entry.healed:
@@ -207,7 +211,7 @@ class FailureLedger:
             else:
                 known.append((said.mode, said.target))
         failures = failure_set(self._mechanism, known)
-        if failures != self.failures:  # who follows them compares by identity
+        if failures != self.failures:  # others compare it by identity
             self.failures = failures
         self.stop_reason = f'unknown failure mode of {", ".join(unknown)}' if unknown else ''
 

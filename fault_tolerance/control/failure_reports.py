@@ -47,7 +47,7 @@ class Statement(NamedTuple):
     target: str
     """Actuator or strut."""
     mode: FailureMode | None
-    """None: a mode nobody understands, at a level that cannot be passed over."""
+    """None: unknown mode at level ERROR or above."""
     word: str
     """The mode as it was written."""
 
@@ -123,7 +123,7 @@ def report_of(
 
 
 def interpret(
-    report: Report, mechanism: Mechanism, *, stop_on_unknown_mode: bool
+    report: Report, mechanism: Mechanism, stop_on_unknown_mode: bool
 ) -> tuple[Statement | None, tuple[Notice, ...]]:
     """Return what ``report`` states about ``mechanism``, None if nothing, and remarks about it.
 

@@ -1,7 +1,11 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metrics: everything worth publishing about the mechanism's health, as plain values."""
+"""Metrics: the health of the mechanism, as plain values.
+
+A new metric is also named in nodes/metrics_publisher.py (``_DECIMALS``: numbers in the status) or
+analysis/topics.py (``SCALARS``: topics of their own), and in test/ros/test_contract.py.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +16,9 @@ import numpy as np
 
 from fault_tolerance.control.estimate import estimate as estimated
 from fault_tolerance.control.notices import clean
-from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
-from fault_tolerance.control.watch import Watch
+from fault_tolerance.control.step_output import Output
+from fault_tolerance.control.warning_monitor import WarningMonitor
 from fault_tolerance.kinematics.common_causes import worst_group
 from fault_tolerance.kinematics.failures import Failure, FailureMode
 from fault_tolerance.kinematics.measures import measure_bounds, motion_quality, worst_failure
@@ -67,32 +71,37 @@ class Metrics:
     mobility: int = 0
     """Degrees of freedom the drives control; 0 where nothing is known yet, as all that follows."""
     lost: tuple[str, ...] = ()
+    """Task coordinates that are no longer independent, see `Verdict`."""
     gained: tuple[str, ...] = ()
-    """Task coordinates."""
+    """Coordinates that have become independent, see `Verdict`."""
     retained_manipulability: float = 0.0
+    """Of the major task, relative to the nominal mechanism."""
     position_measure: float = 0.0
+    """p of the failures present."""
     torque_measure: float = 0.0
+    """t of the failures present."""
     hard_measure: float = 0.0
-    """Of the failures present."""
+    """h of the failures present."""
     smallest_singular_value: float = 0.0
+    """Of J_m as it is now."""
     condition_number: float = 0.0
     """Of J_m as it is now."""
     saturation: tuple[str, ...] = ()
     """Actuators at a limit."""
     scale: float = 0.0
+    """The factor by which limits or a near singularity slow everything down."""
     secondary_scale: float = 0.0
-    """The factor that limits or a near singularity put on everything, and before that on the
-    secondary motion."""
+    """The factor by which the secondary motion had to give way before."""
     major_jump: float = 0.0
+    """By how much the velocity of the major task jumped at the last transition, m/s."""
     rate_jump: float = 0.0
-    """By how much the velocity of the major task and the rates of the drives jumped at the last
-    failure, clearing or resumption, m/s."""
+    """By how much the rates of the drives jumped at the last transition (norm), m/s."""
     out_of_range: tuple[str, ...] = ()
     """Actuators whose readings lie beyond their strokes."""
     sensorless: tuple[str, ...] = ()
-    """Actuators that have failed, and whose encoders say nothing."""
+    """Actuators that have failed, not with their struts, and have no usable reading."""
     flexure_strain: float = 0.0
-    """Metres."""
+    """Metres the flexures take up."""
     misfit: float = 0.0
     """By how much the redundant joint readings contradict each other at most, metres."""
     reconfiguration_time: float = 0.0
@@ -104,22 +113,25 @@ class Metrics:
     tracking_error: float = 0.0
     """The largest difference of rates commanded and measured, m/s."""
     worst_next: str = ''
-    """The next failure that hurts most: a single one, as ``torque:theta_1``, or, if none of these
-    would stop it, the first group that would, as ``group:amplifier_1`` with measure 0. Empty if
-    none is left, and while it is stopped."""
+    """The next failure with the least measure: a single one, as ``torque:theta_1``, or, if none of
+    these would stop the mechanism, the first group that would, as ``group:amplifier_1`` with
+    measure 0. Empty if none is left, and while it is stopped."""
     worst_next_measure: float = 0.0
+    """Its measure."""
     position_tolerance: float = 0.0
+    """The worst measure of a next position failure; 0 if none is left."""
     torque_tolerance: float = 0.0
+    """The worst measure of a next torque failure; 0 if none is left."""
     hard_tolerance: float = 0.0
-    """The worst measure of a next single failure, by mode; 0 if none is left."""
+    """The worst measure of a next hard failure; 0 if none is left."""
     actuators: tuple[ActuatorMetrics, ...] = ()
     struts: tuple[StrutMetrics, ...] = ()
     groups: tuple[GroupMetrics, ...] = ()
     """Empty while it is stopped."""
 
 
-def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
-    """Return the metrics that go with ``output``, and with what ``watch`` has found.
+def metrics_of(output: Output, monitor: WarningMonitor, since_report: float) -> Metrics:
+    """Return the metrics that go with ``output``, and with what ``monitor`` has measured.
 
     ``since_report`` is the seconds since the last report, infinite if there was none. State and
     message only, before anything is known or where the measures fail.
@@ -129,18 +141,21 @@ def metrics_of(output: Output, watch: Watch, since_report: float) -> Metrics:
     try:
         told = replace(told, message=f'{state}: {output.reason}')
         if output.estimate.located:
-            told = _with_measures(told, output, watch, since_report)
+            told = _with_measures(told, output, monitor, since_report)
         return told
     except Exception as error:  # the state must be told even if the measures fail
         text = clean(f'{type(error).__name__}: {error}')
         return replace(told, message=f'{told.message}; no measures: {text}')
 
 
-def _with_measures(told: Metrics, output: Output, watch: Watch, since_report: float) -> Metrics:
+def _with_measures(
+    told: Metrics, output: Output, monitor: WarningMonitor, since_report: float
+) -> Metrics:
+    """Return ``told``, state and message, with all the rest."""
     estimate = output.estimate
     verdict, values = estimate.post.verdict, estimate.measures()
     retained, smallest, condition = motion_quality(estimate.post)
-    groups = _groups(output, watch)
+    groups = _groups(output, monitor)
     mechanism, command = estimate.model.mechanism, output.command
     position, torque, hard = np.split(values[3:], np.arange(1, 3) * len(mechanism.actuators))
     worst, worst_measure = '', 0.0
@@ -162,14 +177,14 @@ def _with_measures(told: Metrics, output: Output, watch: Watch, since_report: fl
         secondary_scale=command.secondary_scale,
         major_jump=command.major_jump,
         rate_jump=command.rate_jump,
-        out_of_range=watch.out_of_range,
+        out_of_range=monitor.out_of_range,
         sensorless=output.sensorless,
         flexure_strain=estimate.flexure_strain,
         misfit=estimate.misfit,
         reconfiguration_time=output.reconfiguration_time,
         time_since_report=since_report if isfinite(since_report) else None,
-        internal_force=watch.internal_force if isfinite(watch.internal_force) else None,
-        tracking_error=watch.tracking_error,
+        internal_force=monitor.internal_force if isfinite(monitor.internal_force) else None,
+        tracking_error=monitor.tracking_error,
         worst_next=worst,
         worst_next_measure=worst_measure,
         position_tolerance=_least(position),
@@ -214,13 +229,13 @@ def _struts(output: Output, hard: FloatArray) -> tuple[StrutMetrics, ...]:
     )
 
 
-def _groups(output: Output, watch: Watch) -> tuple[GroupMetrics, ...]:
+def _groups(output: Output, monitor: WarningMonitor) -> tuple[GroupMetrics, ...]:
     """Return what every group would lead to: the verdict of the next step if it failed now."""
     estimate, present = output.estimate, output.failures
     if output.state is State.STOPPED:
         return ()
     found = []
-    for name, failures in watch.groups.items():
+    for name, failures in monitor.groups.items():
         further, outlook = present.and_also(estimate.model.mechanism, *failures.failures), 'failed'
         if further != present:
             then = estimated(estimate.model, estimate, estimate.readings, further)

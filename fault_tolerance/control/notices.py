@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Remarks of the controller about its inputs, as data: the core neither logs nor counts."""
+"""Notices about inputs; the ROS node logs and counts them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ class Notice:
     """A remark about one input."""
 
     reason: str
-    """A short key such as ``'not_finite'``; a shell counts by it."""
+    """A short key such as ``'not_finite'``, which the node counts by."""
     text: str
     """One line for a person; empty where there is nothing worth a line."""
     rejected: bool = True
-    """Whether the input was left aside (else it was used, and this is a warning)."""
+    """Whether the input was rejected (else it was used, and this is a warning)."""
     part: str = ''
-    """The actuator or strut it is about, if it is about one; a shell throttles its log by reason
-    and part."""
+    """The actuator or strut it is about, if any; the node throttles its log by reason and part."""
 
 
 def clean(text: str, limit: int = LONGEST_TEXT) -> str:

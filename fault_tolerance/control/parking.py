@@ -1,11 +1,10 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The park move: to where a platform may stand that is still held and cannot do its task.
+"""Move to the park pose after an intolerable failure, if the drives still hold the platform.
 
-After such a failure the platform stands where it was. If the mechanism file says where it may
-stand (`park`), what is left of it goes there, slowly, and as far as that goes. The state remains
-stopped.
+The park pose is that of the mechanism file (`park`). The remaining drives move there slowly, and
+as far as they can. The state remains stopped.
 """
 
 from __future__ import annotations
@@ -15,8 +14,9 @@ from math import inf
 
 import numpy as np
 
-from fault_tolerance.control.estimate import ControlModel, Estimate
-from fault_tolerance.control.resolved_rate import RateCommand, rate_command
+from fault_tolerance.control.control_model import ControlModel
+from fault_tolerance.control.estimate import Estimate
+from fault_tolerance.control.rate_command import RateCommand, rate_command
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.model import Law
 from fault_tolerance.kernel.packing import packed_model
@@ -28,8 +28,8 @@ from fault_tolerance.mechanism.targets import pose_target
 from fault_tolerance.mechanism.task import COORDINATES, Task
 
 DELAY = 1.0
-"""Seconds from the stop to the move. By then the mechanism is at rest, and what fails by the same
-cause has been reported."""
+"""Seconds from the stop to the move. By then the mechanism is at rest, and further failures by the
+same cause have been reported."""
 
 GAIN = 2.0
 """1/s: speed per distance left."""
@@ -37,77 +37,60 @@ GAIN = 2.0
 SPEED = 0.1
 """The share of the drives' speed that is used; the platform's limit, characteristic lengths/s."""
 
-NEAR = 2e-4
-"""Characteristic lengths; nearer to the goal is at the goal."""
+GOAL = 2e-4
+"""Characteristic lengths; nearer to the park pose is at the park pose."""
 
-HELD = 0.1
-"""How well the drives have to hold the platform, relative to home (docs/theory.md, section 8): it
-does not go near a singularity where they no longer do."""
+LEAST_HOLD = 0.1
+"""How well the drives have to hold the platform, relative to home (docs/theory.md, section 8): the
+move ends before a singularity where they no longer do."""
 
-STILL = 0.2
-"""Seconds without motion after which it does not get any nearer."""
+STANDSTILL = 0.2
+"""Seconds without motion after which the move ends: it does not get any nearer."""
 
-LONGEST = 60.0
+LONGEST_MOVE = 60.0
 """Seconds after which the move ends in any case."""
 
 
 class Parking:
-    """Makes one park move a stop, if it may.
+    """Makes at most one park move of ``mechanism`` per stop.
 
-    It may while the drives hold the platform and nothing but the failures keeps it from its task.
-    Whatever else happens ends the move, for as long as the stop lasts.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-
-    Attributes
-    ----------
-    text : str
-        What there is to say of it: parking, parked, or what could not be reached.
-    used : bool
-        Whether it has to be made ready for the next stop.
+    The move is allowed while the drives hold the platform and nothing but the failures prevents
+    the task. Anything else ends it, for as long as the stop lasts.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._failures: FailureSet | None = None
-        self._due = inf
+        self._starts_at = inf
         self._move: ParkMove | None = None
+        self.text = ''
+        """The outcome so far: parking, parked, or what could not be reached."""
+        self.needs_reset = False
+        """Whether `reset` is due, once the stop is over."""
         self.reset()
 
     def reset(self) -> None:
-        """Be ready for the next stop: there is none now."""
+        """Get ready for the next stop: there is none now."""
         self._failures = self._move = None
-        self._over, self.text, self.used = not self._mechanism.park, '', False
+        self._over, self.text, self.needs_reset = not self._mechanism.park, '', False
 
     def end(self) -> None:
         """End the move, for as long as the stop lasts."""
         if self._move is not None:
             self.text, self._move = 'park move broken off', None
-        self._over = self.used = True
+        self._over = self.needs_reset = True
 
     def command(
-        self, estimate: Estimate | None, before: RateCommand, now: float
+        self, estimate: Estimate | None, last: RateCommand, now: float
     ) -> RateCommand | None:
-        """Return the command of a park move in a cycle of a stop; None for rest.
+        """Return the command of a park move ``now`` (s), in a step of a stop; None for rest.
 
-        Parameters
-        ----------
-        estimate : Estimate or None
-            The present one; None if anything else than its failures keeps it from moving.
-        before : RateCommand
-            The last command.
-        now : float
-            Seconds.
-
-        Returns
-        -------
-        RateCommand or None
+        ``estimate`` is the present one; None if anything else than its failures keeps the
+        mechanism from moving. ``last`` is the last command.
         """
         if self._over:
             return None
-        self.used = True
+        self.needs_reset = True
         if estimate is None or not _is_held(estimate):
             self.end()
             return None
@@ -115,19 +98,19 @@ class Parking:
             if self._move is not None:
                 self.end()
                 return None
-            self._due, self._failures = now + DELAY, estimate.failures
-        if now < self._due:
+            self._starts_at, self._failures = now + DELAY, estimate.failures
+        if now < self._starts_at:
             return None
         if self._move is None:
             self._move, self.text = ParkMove(self._mechanism, estimate.model, now), 'parking'
-        found = self._move.command(estimate, before, now)
-        if found is None:
+        command = self._move.command(estimate, last, now)
+        if command is None:
             self.text, self._move, self._over = self._move.outcome(estimate), None, True
-        return found
+        return command
 
 
 class ParkMove:
-    """A move to the park pose of ``mechanism`` that begins ``now`` (s), as ``model`` says.
+    """A move to the park pose of ``mechanism`` that begins ``now`` (s), by the law of ``model``.
 
     It follows the control law with slow drives and the coordinates of the park pose as the major
     task, but does not end where one of them is lost.
@@ -148,29 +131,30 @@ class ParkMove:
         )
         self._model = ControlModel(slow, settings, model.kernel, packed_model(slow, law))
 
-    def command(self, estimate: Estimate, before: RateCommand, now: float) -> RateCommand | None:
-        """Return the command ``now`` (s) at an ``estimate``, after the one ``before``.
+    def command(self, estimate: Estimate, last: RateCommand, now: float) -> RateCommand | None:
+        """Return the command ``now`` (s) at an ``estimate``, after the ``last`` one.
 
         None where the move is over.
         """
         missing, scale = self._missing(estimate), self._target.scale
-        if not _far(missing, self._length) or now > self._began + LONGEST:
+        if not _far(missing, self._length) or now > self._began + LONGEST_MOVE:
             return None
         twist = GAIN * missing / scale
         twist *= min(1.0, SPEED * self._length / float(np.linalg.norm(scale * twist)))
-        model = self._model.with_kernel(estimate.model.kernel)
-        asked = twist[model.mechanism.task.rows]
-        found = rate_command(model, estimate, asked, before, now)
-        if HELD * float(found.numbers[at.GAIN]) > estimate.model.view.law.home_gain:
+        model = replace(self._model, kernel=estimate.model.kernel)
+        velocity = twist[model.mechanism.task.rows]
+        command = rate_command(model, estimate, velocity, last, now)
+        home_gain = estimate.model.packed.view.law.home_gain
+        if LEAST_HOLD * float(command.numbers[at.GAIN]) > home_gain:
             return None
-        gained = np.linalg.norm((scale * found.twist)[self._given])
-        fast = np.abs(found.rates) > 0.5 * model.mechanism.velocity_limits
-        if gained > GAIN * NEAR * self._length or fast.any():
+        speed = np.linalg.norm((scale * command.twist)[self._given])
+        fast = np.abs(command.rates) > 0.5 * model.mechanism.velocity_limits
+        if speed > GAIN * GOAL * self._length or fast.any():
             self._moved = now
-        return found if now <= self._moved + STILL else None
+        return command if now <= self._moved + STANDSTILL else None
 
     def outcome(self, estimate: Estimate) -> str:
-        """Return where it has ended, at an ``estimate``, in words."""
+        """Return where the move has ended, at an ``estimate``, in words."""
         missing, scale = self._missing(estimate), self._target.scale
         off = [
             f'{COORDINATES[row]} by {missing[row] / scale[row]:.2g} {"rad" if row < 3 else "m"}'
@@ -187,7 +171,7 @@ class ParkMove:
 
 
 def _far(missing: FloatArray, length: float) -> bool:
-    return bool(np.abs(missing).max() > NEAR * length)
+    return bool(np.abs(missing).max() > GOAL * length)
 
 
 def _is_held(estimate: Estimate) -> bool:

@@ -1,7 +1,11 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of the controller. Those of limits go to kernel/law.py, which keeps the limits."""
+"""Settings of the controller.
+
+`control_model` passes those of the control law to the kernel, which keeps the limits
+(kernel/law.py); the warning monitor uses the warning limits.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 from typing import Literal
-
-UnknownMode = Literal['stop', 'ignore']
-Convert = Literal['advise', 'act']
-Secondary = Literal['follow', 'tolerance']
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Settings:
     joint_state_timeout : float
         Seconds without a usable joint state after which it holds.
     command_timeout : float
-        Seconds without a task velocity after which it rests, in the state it is in.
+        Seconds without a task velocity after which the rates are zero; the state remains.
     report_timeout : float
         Seconds for which a failure counts as still reported.
     tolerance_threshold : float
@@ -44,12 +44,12 @@ class Settings:
     slow_below, hold_below : float
         Near a singularity everything slows down, and then holds: the margin, relative to home,
         at which it does. Of two margins the smaller one counts: the transmission of the worst
-        major direction (see `ResolvedRate`), and the drives' speed per speed of the platform,
-        whose end is where it moves with every drive at rest.
+        major direction (see `ResolvedRate`), and platform speed per drive speed (infinite where
+        the platform moves with all drives locked).
     max_acceleration : float
-        m/s^2, turning drives at the characteristic length: how fast the drives (the norm of
-        all their rates) may change from one way of moving to another, at a failure, a clearing
-        or a resumption. Elsewhere, and where motion ends, nothing is limited.
+        m/s^2, turning drives at the characteristic length: of the norm of all rates together,
+        and in transitions only, from one way of moving to another at a failure, a clearing or a
+        resumption. It is no limit of single drives, nor of normal motion or its end.
     misfit_limit : float
         Characteristic lengths by which redundant joint readings may contradict each other
         before it holds.
@@ -61,8 +61,8 @@ class Settings:
         Whether brakes and releases of the mechanism file are only advised, or commanded where
         the failures are not tolerated otherwise.
     secondary : {'follow', 'tolerance'}
-        Whether secondary coordinates go as they are asked to, or, while nothing has failed, to
-        where the worst measure of the next failure is larger.
+        Whether secondary coordinates go as requested, or, while nothing has failed, to where the
+        worst measure of the next failure is larger.
     secondary_speed : float
         rad/s, and characteristic lengths per second: of secondary coordinates on the way there.
     clock : callable, optional
@@ -74,7 +74,7 @@ class Settings:
     report_timeout: float = 3.0
     tolerance_threshold: float = 0.01
     auto_clear: bool = False
-    unknown_mode: UnknownMode = 'stop'
+    unknown_mode: Literal['stop', 'ignore'] = 'stop'
     recovery: bool = True
     stroke_gain: float = 10.0
     slow_below: float = 5e-3
@@ -84,21 +84,16 @@ class Settings:
     internal_force_limit: float = 0.0
     tracking_error_limit: float = 0.0
     saturation_limit: float = 0.0
-    convert: Convert = 'advise'
-    secondary: Secondary = 'follow'
+    convert: Literal['advise', 'act'] = 'advise'
+    secondary: Literal['follow', 'tolerance'] = 'follow'
     secondary_speed: float = 0.02
     clock: Callable[[], float] | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers; ValueError names what is wrong."""
         positive = (
-            'joint_state_timeout',
-            'command_timeout',
-            'report_timeout',
-            'stroke_gain',
-            'max_acceleration',
-            'misfit_limit',
-            'secondary_speed',
+            'joint_state_timeout', 'command_timeout', 'report_timeout', 'stroke_gain',
+            'max_acceleration', 'misfit_limit', 'secondary_speed',
         )
         for name in positive:
             value = getattr(self, name)
@@ -107,14 +102,15 @@ class Settings:
         for name in ('internal_force_limit', 'tracking_error_limit', 'saturation_limit'):
             value = getattr(self, name)
             if not (isfinite(value) and value >= 0.0):
-                raise ValueError(f'{name}: {value} is not a number from 0 on')
+                raise ValueError(f'{name}: {value} is negative or not finite')
         if not 0.0 <= self.tolerance_threshold <= 1.0:
             raise ValueError(f'tolerance_threshold: {self.tolerance_threshold} is not in [0, 1]')
         if not 0.0 < self.hold_below < self.slow_below < 1.0:
             raise ValueError('hold_below, slow_below: expected 0 < hold_below < slow_below < 1')
-        if self.convert not in ('advise', 'act'):
-            raise ValueError(f'convert: {self.convert!r} is neither advise nor act')
-        if self.secondary not in ('follow', 'tolerance'):
-            raise ValueError(f'secondary: {self.secondary!r} is neither follow nor tolerance')
-        if self.unknown_mode not in ('stop', 'ignore'):
-            raise ValueError(f'unknown_mode: {self.unknown_mode!r} is neither stop nor ignore')
+        for name, words in (
+            ('convert', ('advise', 'act')), ('secondary', ('follow', 'tolerance')),
+            ('unknown_mode', ('stop', 'ignore')),
+        ):
+            value = getattr(self, name)
+            if value not in words:
+                raise ValueError(f'{name}: {value!r} is neither {" nor ".join(words)}')

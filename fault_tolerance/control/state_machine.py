@@ -1,11 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The state of the controller: the most severe condition wins, and a stop stays.
-
-The conditions are found elsewhere: those about inputs in `Supervisor.step`, those about readings
-as the obstacle of an `Estimate`, those about the command as the obstacle of a `RateCommand`.
-"""
+"""Priority of the states; the conditions are evaluated in `Supervisor.step`."""
 
 from __future__ import annotations
 
@@ -13,10 +9,14 @@ from enum import Enum
 from typing import NamedTuple
 
 Reason = object
-"""Why a condition holds: anything that is true and whose `str` says it; a string as a rule.
+"""Why a condition holds, as `str` of it says; false if it does not hold.
 
-Words that take time to find are an object that finds them when they are asked for.
+A string as a rule. Any object is accepted, as an `Estimate`, which builds its text lazily in
+`__str__`: its verdict in words takes a millisecond.
 """
+
+NO_FAILURE = 'no failure'
+"""The reason of the nominal state."""
 
 
 class State(str, Enum):
@@ -34,7 +34,7 @@ MOVING = (State.NOMINAL, State.DEGRADED)
 
 
 class Decision(NamedTuple):
-    """The state of one cycle, and the reason for it."""
+    """The state of one step, and the reason for it."""
 
     state: State
     reason: Reason
@@ -43,7 +43,7 @@ class Decision(NamedTuple):
 class StateMachine:
     """Decides on the state: the most severe condition wins.
 
-    Waiting, hold, degraded and nominal follow the conditions of the cycle. Stopped is left only
+    Waiting, hold, degraded and nominal follow the conditions of the step. Stopped is left only
     by `release`.
     """
 
@@ -51,25 +51,13 @@ class StateMachine:
         self.stop: Reason = ''
         """Why motion has been stopped; empty if it has not."""
 
-    def decide(
-        self, stop: Reason, hold: Reason, waiting: Reason, degraded: Reason, nominal: Reason
-    ) -> Decision:
-        """Return the state under the conditions of one cycle; a false one does not hold.
+    def decide(self, stop: Reason, hold: Reason, waiting: Reason, degraded: Reason) -> Decision:
+        """Return the state under the conditions of one step, each a reason, or empty.
 
-        Parameters
-        ----------
-        stop : Reason
-            Motion must end until someone has looked.
-        hold : Reason
-            Motion must pause.
-        waiting : Reason
-            There is nothing to go by yet.
-        degraded : Reason
-            Failures are present and tolerated.
-        nominal : Reason
-            What is to be said when none of these holds.
+        ``stop``: motion must end until `release`; ``hold``: motion must pause; ``waiting``: there
+        has been no reading yet; ``degraded``: failures are present and tolerated.
         """
-        # The present reason is of more use than the first one, which may no longer hold.
+        # Keep the newest reason; the first may no longer hold.
         self.stop = stop or self.stop
         if self.stop:
             return Decision(State.STOPPED, self.stop)
@@ -79,7 +67,7 @@ class StateMachine:
             return Decision(State.WAITING, waiting)
         if degraded:
             return Decision(State.DEGRADED, degraded)
-        return Decision(State.NOMINAL, nominal)
+        return Decision(State.NOMINAL, NO_FAILURE)
 
     def release(self) -> bool:
         """Lift the stop, and return whether there was one.

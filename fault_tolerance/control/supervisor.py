@@ -4,34 +4,36 @@
 """The controller: joint values, task velocities and failure reports in, rates out.
 
 It keeps no time of its own: ``now`` and stamps are seconds on one time line, given by the
-caller. Inputs are noted as they come; `Supervisor.step` computes the command, the same way every
-time: estimate, resolve, ease, limit, decide.
+caller. Inputs are accepted as they come; `Supervisor.step` computes the command, the same way
+every time: estimate, rates within all limits, state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf, nan
 
 import numpy as np
 
-from fault_tolerance.control.continuity import Continuity
-from fault_tolerance.control.converter import Converter
-from fault_tolerance.control.estimate import Estimate, control_model, estimate
-from fault_tolerance.control.failure_ledger import FailureLedger, LedgerUpdate
+from fault_tolerance.control.control_model import control_model
+from fault_tolerance.control.estimate import Estimate, estimate
+from fault_tolerance.control.failure_converter import FailureConverter
+from fault_tolerance.control.failure_ledger import ClearOutcome, FailureLedger, LedgerUpdate
 from fault_tolerance.control.failure_reports import Report
 from fault_tolerance.control.joint_states import unusable
 from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
-from fault_tolerance.control.output import ClearOutcome, Output, clear_outcome
 from fault_tolerance.control.parking import Parking
-from fault_tolerance.control.resolved_rate import no_command, rate_command, resting
+from fault_tolerance.control.rate_command import initial_command, rate_command, zero_command
+from fault_tolerance.control.reading_filter import ReadingFilter
 from fault_tolerance.control.secondary_motion import SecondaryMotion
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import MOVING, Reason, State, StateMachine
-from fault_tolerance.control.task_velocity import TaskVelocity
+from fault_tolerance.control.step_output import Output
+from fault_tolerance.control.timed_input import TaskVelocity
 from fault_tolerance.control.unwrapping import closing_turns
-from fault_tolerance.control.watch import Watch
+from fault_tolerance.control.warning_monitor import WarningMonitor
 from fault_tolerance.kernel.compilation import Kernel, announced_kernel
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -42,15 +44,14 @@ MOST_ERRORS = 3
 """Internal errors in a row after which the controller stops."""
 
 WAITING = 'no joint state yet'
-"""Why the state is waiting."""
+"""The reason of the waiting state."""
 
 
 class Supervisor:
     """Keeps a ``mechanism`` pointing through failures, or stops it.
 
-    ``kernel`` is the compiled one by default, where numba works. ``output`` is what the last step
-    gave; ``still_reported(now)`` returns whether ``clear(now)`` would leave a failure in force.
-    Whoever runs the steps calls ``converter`` and ``secondary`` after the command.
+    ``kernel`` is the compiled one by default, where numba works. `converter` and `secondary` are
+    called by whoever runs the steps, after the command.
     """
 
     def __init__(
@@ -58,29 +59,29 @@ class Supervisor:
     ) -> None:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
-        self._readings = Continuity(mechanism, given.joint_state_timeout, self._turns)
+        self._readings = ReadingFilter(mechanism, given.joint_state_timeout, self._find_turns)
         self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
-        self._ledger = FailureLedger(
-            mechanism, auto_clear=given.auto_clear, report_timeout=given.report_timeout,
-            stop_on_unknown_mode=given.unknown_mode == 'stop',
-        )
+        self._ledger = FailureLedger(mechanism, given)
         self.still_reported = self._ledger.still_reported
+        """`still_reported(now)`: whether `clear(now)` would leave a failure in force."""
         self._machine = StateMachine()
-        self._model = control_model(mechanism, self.settings, kernel or announced_kernel())
-        self._estimate = self._base = self._model.unknown
-        self._command = no_command(self._model)
-        self._watch = Watch(mechanism, self.settings)
+        self._model = control_model(mechanism, given, kernel or announced_kernel())
+        self._estimate = self._estimate_before = self._model.unknown
+        self._command = initial_command(self._model)
+        self._monitor = WarningMonitor(mechanism, given)
         self._parking = Parking(mechanism)
-        self.converter = Converter(mechanism, given.convert == 'act')
+        self.converter = FailureConverter(mechanism, given.convert == 'act')
         self.secondary = SecondaryMotion(mechanism, given.secondary == 'tolerance')
         self._shape = (len(mechanism.actuators),)
-        self._beside: tuple[FloatArray, FailureSet, int] | None = None
+        self._probe: tuple[FloatArray, FailureSet, int] | None = None
         self._pauses: set[str] = set()
-        self._outdated = False
-        self._errors = self._accepted = self._estimated = 0
+        self._outdated = False  # whether the estimate is
+        self._accepted = self._estimated = 0  # numbers of readings
+        self._errors = 0
         self._reported_at: float | None = None
         self._now, self._reconfiguration_time = -inf, 0.0
         self.output = self.step(-inf)
+        """What the last step gave."""
 
     @property
     def failures(self) -> FailureSet:
@@ -94,33 +95,30 @@ class Supervisor:
 
     @kernel.setter
     def kernel(self, kernel: Kernel) -> None:
-        """Go on with ``kernel``, from the next step on."""
-        self._model = self._model.with_kernel(kernel)
+        """Use ``kernel`` from the next step on; estimates go on from each other."""
+        self._model = replace(self._model, kernel=kernel)
 
-    def go_on_with(self, settings: Settings) -> None:
-        """Take other ``settings``, from the next step on; what has been latched stays."""
-        self.settings = self._watch.settings = settings
+    def apply_settings(self, settings: Settings) -> None:
+        """Use other ``settings`` from the next step on; what has been latched stays."""
+        self.settings = self._monitor.settings = self._ledger.settings = settings
         self._readings.timeout = settings.joint_state_timeout
+        self._velocity.timeout = settings.command_timeout
         self.converter.acting = settings.convert == 'act'
         self.secondary.switch(settings.secondary == 'tolerance')
-        self._velocity.timeout = settings.command_timeout
-        self._ledger.set_rules(
-            settings.auto_clear, settings.unknown_mode == 'stop', settings.report_timeout
-        )
         self._model = control_model(self.mechanism, settings, self.kernel)
         self._outdated = True
 
     def joint_reading(
         self, values: FloatArray, now: float, stamp: float | None = None
     ) -> Notice | None:
-        """Take the joint ``values`` (N,) of all actuators; return why they were rejected.
+        """Accept the joint ``values`` (N,) of all actuators; or return why they are rejected.
 
         They are in the mechanism's order, counted from home; NaN where there is no reading, which
         only joints that have failed may lack. They were measured at ``stamp`` (``now`` by default,
-        seconds). Of rejected ones the last good ones stand until they are stale.
+        seconds). After a rejection the last accepted reading stays in use until it is stale.
         """
         if now < self._now:
-            self.forget_times(now)
+            self.restart_clock(now)
         self._now = now
         taken, notice = np.array(values, dtype=np.float64), None
         if taken.shape != self._shape or not np.maximum.reduce(np.abs(taken)) <= FARTHEST:
@@ -130,8 +128,8 @@ class Supervisor:
         self._readings.braked = self.converter.engaged
         try:
             notice = notice or self._readings.offer(taken, now, stamp)
-        except Exception as error:  # an estimate of turns may fail
-            notice = Notice('internal_error', f'joint state refused: {_words(error)}')
+        except Exception as error:  # unwrapping makes estimates, which may fail
+            notice = Notice('internal_error', f'joint state rejected: {_text_of(error)}')
         if notice is None:
             self._outdated = True
             self._accepted += 1
@@ -140,9 +138,9 @@ class Supervisor:
     def task_velocity(
         self, velocity: FloatArray, now: float, stamp: float | None = None
     ) -> Notice | None:
-        """Take a task ``velocity`` (l,), rad/s and m/s, base axes; return why it was rejected.
+        """Accept a task ``velocity`` (l,), rad/s and m/s, base axes; or return why it is rejected.
 
-        It was asked for at ``stamp`` (``now`` by default, seconds).
+        It was requested at ``stamp`` (``now`` by default, seconds).
         """
         self._pass_time(now)
         return self._velocity.offer(velocity, now, stamp)
@@ -150,10 +148,7 @@ class Supervisor:
     def reports(self, reports: Sequence[Report], now: float) -> LedgerUpdate:
         """Take the failure ``reports`` of one message that came ``now`` (seconds).
 
-        Returns
-        -------
-        LedgerUpdate
-            True if they changed what is in force: then a step is due.
+        Return an update that is true if they changed what is in force: then a step is due.
         """
         clock = self.settings.clock
         started = clock() if clock else None
@@ -161,7 +156,7 @@ class Supervisor:
         update = self._ledger.apply(reports, now)
         if update.changed:
             self._outdated, self._reported_at = True, started
-            self._readings.have_failed(self.failures)
+            self._readings.set_failures(self.failures)
             # Only a stop for what cannot be tolerated is over with a conversion.
             if self.converter.confirms(self.failures) and isinstance(self._machine.stop, Estimate):
                 self._machine.release()
@@ -170,36 +165,35 @@ class Supervisor:
     def clear(self, now: float, seen: Sequence[str] = ()) -> ClearOutcome:
         """Release what is not reported any more ``now``, lift a stop; return what came of it.
 
-        What detection has still ``seen``, in the words of the ledger, is named with the rest.
+        Failures that detection has still ``seen``, as text, are named with the remaining ones.
         """
         self._pass_time(now)
-        cleared = self._ledger.clear(now)
-        self._readings.have_failed(self._ledger.failures)
-        self._readings.forget()
+        cleared = self._ledger.clear(now, seen)
+        self._readings.set_failures(self.failures)
+        self._readings.accept_next()
         self._outdated, self._errors = True, 0
         self._parking.end()
-        was_stopped = self._machine.release()
+        stopped = self._machine.release()
         state = self.step(now).state.value
-        return clear_outcome(cleared, seen, was_stopped and not self._machine.stop, state)
+        return replace(cleared, stop_lifted=stopped and not self._machine.stop, state=state)
 
-    def move_beside(self, rates: FloatArray | None) -> None:
-        """Add ``rates`` (N,) to the commands up to the one that answers the next joint reading.
+    def add_probe_rates(self, rates: FloatArray | None) -> None:
+        """Add probe ``rates`` (N,), outside the limits, until the next reading has been answered.
 
-        They are in the mechanism's units and order; None, or any that is not finite: nothing. The
-        limits do not know of them. They end when the failures change, and unless they are asked
-        for again with every reading: what asks for them may have broken down.
+        The caller renews them with each reading, so they end if it fails; and when the failures
+        change. They are in the mechanism's units and order; None, or any that is not finite: none.
         """
-        self._beside = None
+        self._probe = None
         if rates is not None and np.isfinite(rates).all():
-            self._beside = rates, self.failures, self._accepted + 1
+            self._probe = rates, self.failures, self._accepted + 1
 
     def pause(self, paused: bool, now: float, why: str = 'paused') -> None:
         """Hold from ``now`` on while ``paused``; each reason ``why`` counts for itself."""
         self._pass_time(now)
-        self._readings.forget()
+        self._readings.accept_next()
         (self._pauses.add if paused else self._pauses.discard)(why)
 
-    def forget_times(self, now: float) -> None:
+    def restart_clock(self, now: float) -> None:
         """Wait for fresh inputs: the clock they are stamped by was set back to ``now``."""
         self._readings.restart_clock()
         self._velocity.restart_clock()
@@ -208,83 +202,84 @@ class Supervisor:
     def step(self, now: float) -> Output:
         """Return the command for the inputs at hand ``now``: an `Output` with finite rates.
 
-        Never raises: after an internal error the mechanism rests, after three in a row it stops.
+        Never raises: after an internal error the rates are zero, after three in a row it stops.
         """
         if now < self._now:
-            self.forget_times(now)
+            self.restart_clock(now)
         self._now = now
         ledger, readings, parking = self._ledger, self._readings, self._parking
-        failures, before, found = ledger.failures, self._command, self._estimate
-        command, asked, idle, stale = None, self._velocity.value, '', now > readings.deadline
-        if asked is None or now > self._velocity.deadline:
-            asked, idle = self._velocity.nothing()
+        failures, last, present = ledger.failures, self._command, self._estimate
+        command, requested, idle, stale = None, self._velocity.value, '', now > readings.deadline
+        if requested is None or now > self._velocity.deadline:
+            requested, idle = self._velocity.zeros, self._velocity.missing_reason
         try:
-            # Without anything new, too: so the first step after a failure finds its way cached.
+            # Also without a new reading: keeps the CPU cache warm for the step after a failure.
             if readings.value is not None and (self._outdated or not stale):
                 if self._estimated != self._accepted:
-                    self._base = found  # of the reading before, so that a step can be repeated
-                found = estimate(self._model, self._base, readings.value, failures)
-                self._estimate, self._estimated, self._outdated = found, self._accepted, False
-            degraded = found if failures.parts else ''
-            stop = ledger.stop_reason or ('' if found.tolerated else degraded)
-            hold: Reason = ', '.join(sorted(self._pauses)) or readings.doubt
-            hold = hold or (readings.missing if stale else found.obstacle)
-            hold = hold or ('' if found.tolerated or degraded else found)
-            if found.located and not (stop or hold or self._machine.stop):
-                climbs = self.secondary.active and not idle
-                wanted = self.secondary.velocity(asked, found, now) if climbs else asked
-                command = rate_command(self._model, found, wanted, before, now)
-                hold = command.obstacle
-            waiting = '' if found.located else WAITING
-            decision = self._machine.decide(stop, hold, waiting, degraded, 'no failure')
+                    self._estimate_before = present  # of the last reading: repeated steps agree
+                present = estimate(self._model, self._estimate_before, readings.value, failures)
+                self._estimate, self._estimated, self._outdated = present, self._accepted, False
+            degraded = present if failures.parts else ''
+            stop = ledger.stop_reason or ('' if present.tolerated else degraded)
+            hold: Reason = ', '.join(sorted(self._pauses)) or readings.rejection_reason
+            hold = hold or (readings.missing_reason if stale else present.hold_reason)
+            hold = hold or ('' if present.tolerated or degraded else present)
+            if present.located and not (stop or hold or self._machine.stop):
+                velocity = requested
+                if self.secondary.active and not idle:
+                    velocity = self.secondary.velocity(requested, present, now)
+                command = rate_command(self._model, present, velocity, last, now)
+                hold = command.hold_reason
+            waiting = '' if present.located else WAITING
+            decision = self._machine.decide(stop, hold, waiting, degraded)
             if decision.state is State.STOPPED:
-                kept = not hold and decision.reason is found and not self.converter.engaged
-                command = parking.command(found if kept else None, before, now)
-            elif parking.used:
+                parks = not hold and decision.reason is present and not self.converter.engaged
+                command = parking.command(present if parks else None, last, now)
+            elif parking.needs_reset:
                 parking.reset()
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
             self._errors += 1
-            text = _words(error)
+            text = _text_of(error)
             stop = text if self._errors >= MOST_ERRORS else ledger.stop_reason
-            decision, command = self._machine.decide(stop, text, '', '', ''), None
+            decision, command = self._machine.decide(stop, text, '', ''), None
             parking.end()
         moving = decision.state in (*MOVING, State.STOPPED)
         if command is None or not moving:
-            command, moving = resting(command or before, failures, now), False
-        elif self._beside and self._beside[1] is failures and self._accepted <= self._beside[2]:
-            command = command.with_rates_beside(self._beside[0])
+            command, moving = zero_command(command or last, failures, now), False
+        elif self._probe and self._probe[1] is failures and self._accepted <= self._probe[2]:
+            command = command.with_probe(self._probe[0])
         self._command, readings.moving = command, moving
         if self._reported_at is not None and self.settings.clock is not None:
             self._reconfiguration_time = self.settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
-            command, decision, failures, self._estimate, self._estimated, asked, idle,
+            command, decision, failures, self._estimate, self._estimated, requested, idle,
             stale or readings.value is None, self._reconfiguration_time,
-            readings.sensorless, self._watch.notices, parking.text,
+            readings.sensorless, self._monitor.notices, parking.text,
         )
         return self.output
 
     def watch(self, internal_force: float = nan) -> tuple[Notice, ...]:
-        """Return what is new to warn of after the last step, see `Watch`.
+        """Return the warnings that are new after the last step, see `WarningMonitor`.
 
-        To be called after the command is on its way; what it finds is in the next output.
+        To be called after the command; the next output has them, for as long as they last.
         ``internal_force`` is in N; NaN: not known.
         """
-        return self._watch.observe(self._now, self.output, internal_force)
+        return self._monitor.observe(self._now, self.output, internal_force)
 
     def metrics(self, output: Output | None = None) -> Metrics:
         """Return the measures that go with ``output``, that of the last step by default."""
-        return metrics_of(output or self.output, self._watch, self._now - self._ledger.heard)
+        return metrics_of(output or self.output, self._monitor, self._now - self._ledger.heard)
 
-    def _turns(self, values: FloatArray, near: FloatArray) -> FloatArray:
+    def _find_turns(self, values: FloatArray, near: FloatArray) -> FloatArray:
         return closing_turns(self._model, values, near, self.failures)
 
     def _pass_time(self, now: float) -> None:
         if now < self._now:
-            self.forget_times(now)
+            self.restart_clock(now)
         self._now = now
 
 
-def _words(error: Exception) -> str:
+def _text_of(error: Exception) -> str:
     return clean(f'internal error: {type(error).__name__}: {error}')

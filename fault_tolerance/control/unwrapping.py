@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""In which turn encoders that wrap are at the start: what closes the loops."""
+"""Initial turn of wrapping encoders: the combination for which the loops close."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from math import isfinite
 
 import numpy as np
 
-from fault_tolerance.control.estimate import ControlModel, estimate
+from fault_tolerance.control.control_model import ControlModel
+from fault_tolerance.control.estimate import estimate
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
 
 AGREEMENT = 1e-3
 """Characteristic lengths; readings that contradict each other by less are of the right turns."""
 
-FARTHEST = 3
+MAX_PERIODS = 3
 """Periods to either side that are looked at where nothing limits the stroke."""
 
 TRIES, TRIES_IN_PYTHON = 250, 50
@@ -31,24 +32,13 @@ FURTHER_TRIES = 5
 def closing_turns(
     model: ControlModel, values: FloatArray, near: FloatArray, failures: FailureSet
 ) -> FloatArray:
-    """Return joint values with whole periods added, such that the loops close.
+    """Return joint ``values`` (N,) with whole periods added, such that the loops close.
 
-    Of those within the strokes the nearest to ``near`` with which the loops close, or one little
-    farther away with which redundant readings agree; where they never close, the nearest. What
-    drives without redundancy read fits any turn.
-
-    Parameters
-    ----------
-    model : ControlModel
-    values : (N,) array
-        From home, rad or m; NaN where there is no reading.
-    near : (N,) array
-        Where the drives were last, or home.
-    failures : FailureSet
-
-    Returns
-    -------
-    (N,) array
+    Of those within the strokes the nearest to ``near`` (N,), where the drives were last, or home,
+    with which the loops close, or one little farther away with which redundant readings agree;
+    where they never close, the nearest. Readings of drives without redundancy fit any turn.
+    ``model`` and ``failures`` are as in `estimate`; values are from home, rad or m, NaN where
+    there is no reading.
     """
     mechanism = model.mechanism
     choices = [
@@ -64,9 +54,9 @@ def closing_turns(
     while queue and left > 0:
         _, chosen = heappop(queue)
         turned = np.array([some[one] for some, one in zip(choices, chosen, strict=True)])
-        found = estimate(model, model.unknown, turned, failures)
-        if not found.obstacle:
-            if found.misfit <= limit:
+        tried = estimate(model, model.unknown, turned, failures)
+        if not tried.hold_reason:
+            if tried.misfit <= limit:
                 return turned
             if closing is None:
                 closing, left = turned, FURTHER_TRIES + 1
@@ -87,7 +77,7 @@ def _choices(
     """Return what a reading may mean within a stroke, the nearest to ``near`` first."""
     if not (isfinite(value) and isfinite(period)):
         return [value]
-    farthest = FARTHEST * period
+    farthest = MAX_PERIODS * period
     low, high = max(stroke[0], near - farthest), min(stroke[1], near + farthest)
     turns = np.arange(np.ceil((low - value) / period), np.floor((high - value) / period) + 1.0)
     return sorted((value + turns * period).tolist(), key=lambda one: abs(one - near)) or [value]

@@ -74,7 +74,7 @@ class BeliefPublisher:
     def _publish(self) -> None:
         estimate = self._supervisor.output.estimate
         # Where the loops do not close, the pose is that of an earlier joint state.
-        if not estimate.located or estimate.obstacle:
+        if not estimate.located or estimate.hold_reason:
             return
         if self._transforms or self._poses.get_subscription_count():
             message = pose_to_msg(self._stamp, self._frame, estimate.pose)

@@ -126,7 +126,7 @@ class Controller(Node):
         self._cycle(self._timeline.now())
 
     def _on_clock_jump(self, now: float) -> None:
-        self._supervisor.forget_times(now)
+        self._supervisor.restart_clock(now)
         self._cycle(now)
 
     def _on_watchdog(self) -> None:

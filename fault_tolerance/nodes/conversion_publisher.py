@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
-from fault_tolerance.control.output import Output
+from fault_tolerance.control.step_output import Output
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (

@@ -37,7 +37,7 @@ class LiveSettings:
             mine = {one.name: one.value for one in parameters if one.name in self.values}
             if mine:
                 self.values |= mine
-                supervisor.go_on_with(self.settings)
+                supervisor.apply_settings(self.settings)
                 silent.go_on_with(monitor_settings(self.values))
                 words = ', '.join(f'{name} = {value}' for name, value in mine.items())
                 self._node.get_logger().info(f'parameters set: {words}')

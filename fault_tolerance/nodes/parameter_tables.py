@@ -10,12 +10,12 @@ from functools import partial
 from math import pi
 from typing import Any
 
-from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.nodes.parameters import Parameter
 from fault_tolerance.simulation.engines import ENGINES
 from fault_tolerance.simulation.plant_settings import ENCODER_CHOICES, PlantSettings
+from fault_tolerance.simulation.pointing import PointingLoop
 from fault_tolerance.simulation.reference import REFERENCE_KINDS
 
 _MECHANISM = Parameter(

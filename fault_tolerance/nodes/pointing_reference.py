@@ -17,7 +17,6 @@ from rclpy.qos import qos_profile_sensor_data
 
 from fault_tolerance.control.failure_reports import OK
 from fault_tolerance.control.notices import Notice
-from fault_tolerance.control.pointing import PointingLoop, pointing_error
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.task import COORDINATES
 from fault_tolerance.nodes.health import Health
@@ -33,6 +32,7 @@ from fault_tolerance.nodes.parameters import ParameterError, declared_values, se
 from fault_tolerance.nodes.spinning import run
 from fault_tolerance.nodes.timeline import TimeLine
 from fault_tolerance.nodes.usage import exit_code
+from fault_tolerance.simulation.pointing import PointingLoop, pointing_error
 from fault_tolerance.simulation.reference import Reference, reference
 
 NAME = 'pointing'

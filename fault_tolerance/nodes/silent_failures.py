@@ -106,7 +106,7 @@ class SilentFailures:
         """Have the ``settings`` count from now on; switched off or on, detection begins anew."""
         if 'off' in {self.monitor.settings.detect, settings.detect}:
             self._service.answer(False, 'detection is off')
-            self._supervisor.move_beside(None)
+            self._supervisor.add_probe_rates(None)
             self.monitor = Monitor(self._mechanism, settings)
         self.monitor.settings = settings
 
@@ -121,7 +121,7 @@ class SilentFailures:
             # A hold, perhaps for want of readings: there may be none to end it by.
             self.monitor.prober.interrupt()
             self.monitor.rates = None
-            self._supervisor.move_beside(None)
+            self._supervisor.add_probe_rates(None)
             self._service.answer(True, self.monitor.prober.finding)
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
@@ -160,7 +160,7 @@ class SilentFailures:
             self._tell_changes(before)
         if self._service.awaited and not monitor.prober.probing:
             self._service.answer(True, monitor.prober.finding)
-        self._supervisor.move_beside(monitor.rates)
+        self._supervisor.add_probe_rates(monitor.rates)
 
     def values(self) -> dict[str, str]:
         """Return what belongs into the metrics, texts by key."""

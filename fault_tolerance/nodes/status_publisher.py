@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from fault_tolerance.control.failure_reports import ERROR, OK
-from fault_tolerance.control.output import Output
 from fault_tolerance.control.state_machine import State
+from fault_tolerance.control.step_output import Output
 from fault_tolerance.control.supervisor import WAITING, Supervisor
 from fault_tolerance.mechanism.arrays import decimal
 from fault_tolerance.nodes.conversion_publisher import ConversionPublisher

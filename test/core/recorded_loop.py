@@ -15,7 +15,6 @@ from fault_tolerance.analysis.recorded_data import Sample
 from fault_tolerance.closed_loop import detected
 from fault_tolerance.control.failure_reports import ERROR, part_names, report_of
 from fault_tolerance.control.joint_states import JointStateReader
-from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.state_machine import MOVING
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.detection.monitor import Monitor
@@ -27,6 +26,7 @@ from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.faults import fault_command
 from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.pointing import PointingLoop
 from fault_tolerance.simulation.reference import Circle
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -179,7 +179,7 @@ class RecordedLoop:
         reports = [detected(one, 1e-9 * now) for one in self.monitor.to_report]
         if reports and self.supervisor.reports(reports, 1e-9 * now):
             self._cycle(now + LATENCY)
-        self.supervisor.move_beside(self.monitor.rates)
+        self.supervisor.add_probe_rates(self.monitor.rates)
         if round((self._now - BEGIN) / PERIOD) % 20 == 0:
             self._tell(now + LATENCY)
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.simulation.pointing import PointingLoop
 from fault_tolerance.simulation.reference import Circle
 
 PERIOD = 0.01

@@ -70,8 +70,8 @@ def test_reports_of_any_kind_change_nothing_but_the_failures(batches, asked):
         assert 'internal error' not in output.reason
         moving = output.state.value in ('nominal', 'degraded')
         assert moving or not output.rates.any()
-        if output.post is not None and moving:
-            space = output.post.present.rate_map
+        if output.estimate.located and moving:
+            space = output.estimate.post.present.rate_map
             inside = space @ np.linalg.lstsq(space, output.rates, rcond=None)[0]
             size = max(1.0, float(np.abs(output.rates).max()))
             np.testing.assert_allclose(output.rates, inside, atol=1e-12 * size)
@@ -90,14 +90,14 @@ def test_reports_of_any_kind_change_nothing_but_the_failures(batches, asked):
     st.sampled_from([(), ('strut_1',), FSM.strut_names]),
 )
 def test_joint_states_are_read_or_refused(given_names, positions, lost):
-    found = joint_readings(FSM, given_names, positions, lost)
-    if found.values is None:
+    values, notice = joint_readings(FSM, given_names, positions, lost)
+    if values is None:
         strangers = not set(given_names) & set(FSM.joint_state_names)
-        assert found.notice is not None or strangers
-        assert found.notice is None or '\n' not in found.notice.text
-        assert found.notice is None or len(found.notice.text) < 2000
+        assert notice is not None or strangers
+        assert notice is None or '\n' not in notice.text
+        assert notice is None or len(notice.text) < 2000
         return
-    for value, actuator in zip(found.values, FSM.actuators, strict=True):
+    for value, actuator in zip(values, FSM.actuators, strict=True):
         assert actuator.strut in lost or abs(value) <= FARTHEST
 
 

@@ -123,7 +123,7 @@ def test_what_goes_wrong_with_a_service_does_not_keep_drives_moving(controller, 
         raise RuntimeError('nobody takes the answer')
 
     monkeypatch.setattr(controller._operator, 'look', fail)
-    controller._supervisor.forget_times(controller._timeline.now())
+    controller._supervisor.restart_clock(controller._timeline.now())
     for _ in range(2):  # the first may be late, and then waits for messages
         with pytest.raises(RuntimeError, match='nobody takes'):
             controller._on_watchdog()

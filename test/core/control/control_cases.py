@@ -10,10 +10,10 @@ from functools import cache
 
 import numpy as np
 
-from fault_tolerance.control.estimate import ControlModel, control_model
+from fault_tolerance.control.control_model import ControlModel, control_model
 from fault_tolerance.control.failure_reports import ERROR, Report
-from fault_tolerance.control.output import Output
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.control.step_output import Output
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.differential import (

@@ -171,7 +171,7 @@ class Everything(RuleBasedStateMachine):
     def only_a_nominal_or_degraded_mechanism_moves_or_one_that_is_parked(self):
         if self.output.parking == 'parking':
             assert self.output.state is State.STOPPED
-            assert self.output.post.verdict.stable
+            assert self.output.estimate.post.verdict.stable
             slow = SPEED * self.mechanism.velocity_limits * (1.0 + 1e-9)
             assert (np.abs(self.output.rates) <= slow).all()
         elif self.output.state not in MOVING:
@@ -188,9 +188,9 @@ class Everything(RuleBasedStateMachine):
 
     @invariant()
     def the_command_is_a_motion_of_the_mechanism_within_its_limits(self):
-        if self.output.post is None:
+        if not self.output.estimate.located:
             return
-        present, rates = self.output.post.present, self.output.rates
+        present, rates = self.output.estimate.post.present, self.output.rates
         size = max(1.0, float(np.abs(rates).max()))
         active = rates[present.active]
         mapping = present.mapping[present.active]

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from core.control.test_converter import braked, report
+from core.control.test_failure_converter import braked, report
 from core.detection.detection_cases import ENGINES
 
 from fault_tolerance.control.brake_evidence import BrakeEvidence
-from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.simulation.engines import plant_named
 from fault_tolerance.simulation.faults import fault_command
 from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.pointing import PointingLoop
 from fault_tolerance.simulation.reference import Circle
 
 MIRROR = braked()
@@ -24,7 +24,7 @@ PERIOD = 0.01
 
 
 def shown_after(
-    course, noise=1e-8, seconds=2.0, asked=0.02, seed=0, stroke=None, period=PERIOD
+    course, noise=1e-8, seconds=2.0, engaged_at=0.02, seed=0, stroke=None, period=PERIOD
 ):
     """Return when a drive whose readings follow ``course`` is shown to be held; None: never."""
     rng, drive = np.random.default_rng(seed), MIRROR.actuators[1]
@@ -32,7 +32,7 @@ def shown_after(
     evidence = BrakeEvidence(drive, MIRROR.characteristic_length)
     for now in np.arange(0.0, seconds, period):
         evidence.add(now, course(now) + noise * rng.standard_normal())
-        if evidence.shows_a_stop(asked):
+        if evidence.shows_a_stop(engaged_at):
             return now
     return None
 

@@ -11,7 +11,7 @@ from core.control.control_cases import modelled
 from core.mechanisms import made, serial_3r
 
 from fault_tolerance.control.estimate import estimate
-from fault_tolerance.control.resolved_rate import no_command, rate_command
+from fault_tolerance.control.rate_command import initial_command, rate_command
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
@@ -94,7 +94,7 @@ def test_loops_are_closed_across_the_compliance_and_the_verdict_changes_once():
     out = [estimator.at(tilted(angle)) for angle in angles]
     back = [estimator.at(tilted(angle)) for angle in angles[::-1]]
 
-    assert not any(found.obstacle for found in (*out, *back))
+    assert not any(found.hold_reason for found in (*out, *back))
     first, second = ([found.tolerated for found in way] for way in (out, back))
     assert np.count_nonzero(np.diff(first)) == 1
     assert np.count_nonzero(np.diff(second)) == 1
@@ -107,11 +107,11 @@ def test_joint_values_that_no_loop_fits_leave_it_where_it_was():
     assert before.tolerated
 
     found = estimator.at(tilted(0.1), STUCK_4)
-    assert 'do not close' in found.obstacle
+    assert 'do not close' in found.hold_reason
     assert found.post.failures == STUCK_4
     assert found.located
     np.testing.assert_array_equal(found.pose, before.pose)
-    assert estimator.at(tilted(0.01), STUCK_4).obstacle == ''
+    assert estimator.at(tilted(0.01), STUCK_4).hold_reason == ''
 
 
 def test_readings_without_sense_do_not_leave_it_upside_down():
@@ -125,7 +125,7 @@ def test_readings_without_sense_do_not_leave_it_upside_down():
         for place in rng.permutation(len(nonsense))[:4]:
             estimator.at(nonsense[place])
         found = estimator.at(np.zeros(4))
-        assert found.obstacle == ''
+        assert found.hold_reason == ''
         assert found.misfit < 1e-9
         np.testing.assert_allclose(found.pose[2, 2], 1.0)
 
@@ -179,7 +179,7 @@ class Arm:
 
     def __init__(self):
         self.model = modelled(made(serial_3r()))
-        self.before = no_command(self.model)
+        self.before = initial_command(self.model)
 
     def at(self, bend):
         found = estimate(self.model, self.model.unknown, bent(bend), HEALTHY)
@@ -190,7 +190,7 @@ class Arm:
 def test_near_a_singularity_the_command_slows_down_and_then_holds():
     found = [Arm().at(bend) for bend in (0.1, 1e-3, 6e-4, 3e-4)]
     scales = [one.scale for one in found]
-    assert all(one.obstacle == '' for one in found)
+    assert all(one.hold_reason == '' for one in found)
     assert [one.slowed for one in found] == [scale < 1.0 for scale in scales]
     assert scales[0] == 1.0
     assert 1.0 > scales[1] > scales[2] > scales[3] > 0.0
@@ -198,7 +198,7 @@ def test_near_a_singularity_the_command_slows_down_and_then_holds():
     held = Arm().at(1e-5)
     assert held.scale == 0.0
     assert not held.rates.any()
-    assert 'near a singularity of the major task (margin below 0.0005)' in held.obstacle
+    assert 'near a singularity of the major task (margin below 0.0005)' in held.hold_reason
 
 
 def test_a_hold_near_a_singularity_does_not_flicker():
@@ -206,10 +206,10 @@ def test_a_hold_near_a_singularity_does_not_flicker():
     low, high = 0.0, 0.1
     for _ in range(50):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if not Arm().at(middle).obstacle else (middle, high)
+        low, high = (low, middle) if not Arm().at(middle).hold_reason else (middle, high)
     arm = Arm()
     sequence = [1.5, 0.9, 1.5, 0.9, 2.1, 1.5]
-    assert [bool(arm.at(ratio * high).obstacle) for ratio in sequence] == [
+    assert [bool(arm.at(ratio * high).hold_reason) for ratio in sequence] == [
         False, True, True, True, False, False
     ]
 
@@ -241,4 +241,4 @@ def test_the_decision_does_not_depend_on_the_units_of_the_drives(failures):
 
 
 def test_the_threshold_of_the_settings_is_the_one_of_the_verdict():
-    assert modelled(FSM).view.law.threshold == Settings().tolerance_threshold
+    assert modelled(FSM).packed.view.law.threshold == Settings().tolerance_threshold

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fault_tolerance.control.failure_ledger import CAPACITY, REPEAT_WINDOW, FailureLedger
 from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
+from fault_tolerance.control.settings import Settings
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
@@ -20,7 +21,7 @@ STUCK_4 = FailureSet(stuck=('theta_4',))
 
 
 def ledger(**options) -> FailureLedger:
-    return FailureLedger(MECHANISM, **options)
+    return FailureLedger(MECHANISM, Settings(**options))
 
 
 def reasons(update) -> list[str]:
@@ -152,7 +153,7 @@ def test_an_unknown_mode_at_error_demands_a_stop_until_it_is_cleared():
 
 
 def test_an_unknown_mode_is_ignored_below_error_or_on_request():
-    for options, level in (({}, WARN), ({'stop_on_unknown_mode': False}, ERROR)):
+    for options, level in (({}, WARN), ({'unknown_mode': 'ignore'}, ERROR)):
         book = ledger(**options)
         update = book.apply([report('jammed', 'theta_4', level=level)], 0.0)
 

@@ -66,7 +66,7 @@ def test_a_healthy_mirror():
     ]
 
 
-@pytest.mark.parametrize('missing', ['command', 'silent', 'estimate'])
+@pytest.mark.parametrize('missing', ['command', 'sensorless_flags', 'estimate'])
 def test_whatever_fails_the_state_is_told(missing):
     supervisor = fed(FSM, velocity=ASKED)
     output = supervisor.step(0.0)
@@ -154,7 +154,8 @@ def test_flexure_strain_is_that_of_the_configuration():
     output = supervisor.step(0.0)
 
     assert supervisor.metrics().flexure_strain == output.estimate.flexure_strain > 1e-6
-    assert output.estimate.flexure_strain == pytest.approx(output.configuration.flexure_strain)
+    expected = output.estimate.configuration.flexure_strain
+    assert output.estimate.flexure_strain == pytest.approx(expected)
 
 
 def test_with_everything_failed_nothing_is_left_to_fail():

@@ -19,9 +19,9 @@ POSITIONS = [0.01, -0.02, 0.03, 0.04]
 
 
 def refused(names, positions, lost=()):
-    found = joint_readings(MECHANISM, names, positions, lost)
-    assert found.values is None
-    return found.notice
+    values, notice = joint_readings(MECHANISM, names, positions, lost)
+    assert values is None
+    return notice
 
 
 @settings(deadline=None, max_examples=30)
@@ -29,10 +29,11 @@ def refused(names, positions, lost=()):
 def test_neither_order_nor_other_joints_matter(order):
     names = [*NAMES, 'elbow', 'wrist']
     positions = [*POSITIONS, float('nan'), 7.0]
-    found = joint_readings(MECHANISM, [names[i] for i in order], [positions[i] for i in order])
+    values, notice = joint_readings(
+        MECHANISM, [names[i] for i in order], [positions[i] for i in order])
 
-    assert found.notice is None
-    np.testing.assert_array_equal(found.values, POSITIONS)
+    assert notice is None
+    np.testing.assert_array_equal(values, POSITIONS)
 
 
 def test_readings_are_counted_from_home_in_the_joints_own_sense():
@@ -46,9 +47,9 @@ def test_readings_are_counted_from_home_in_the_joints_own_sense():
               - {name: slide, type: prismatic, axis: [0, 0, 1], actuated: true,
                  joint_state_name: encoder, home: 2.0, sign: -1}
     """
-    found = joint_readings(mechanism_from_text(text), ['slide', 'encoder'], [9.0, 2.5])
+    values, _ = joint_readings(mechanism_from_text(text), ['slide', 'encoder'], [9.0, 2.5])
 
-    np.testing.assert_array_equal(found.values, [-0.5])
+    np.testing.assert_array_equal(values, [-0.5])
 
 
 @pytest.mark.parametrize('bad', [float('nan'), -float('inf'), 1e300, -1e160])
@@ -83,9 +84,9 @@ def test_a_doubled_joint_is_rejected_and_named():
 
 
 def test_a_doubled_joint_of_another_machine_is_not_our_business():
-    found = joint_readings(MECHANISM, [*NAMES, 'elbow', 'elbow'], [*POSITIONS, 1.0, 2.0])
+    values, _ = joint_readings(MECHANISM, [*NAMES, 'elbow', 'elbow'], [*POSITIONS, 1.0, 2.0])
 
-    np.testing.assert_array_equal(found.values, POSITIONS)
+    np.testing.assert_array_equal(values, POSITIONS)
 
 
 @pytest.mark.parametrize('positions', [[], POSITIONS[:3], [*POSITIONS, 0.0]])
@@ -105,11 +106,11 @@ def test_an_empty_message_is_rejected_without_a_word(positions):
 @pytest.mark.parametrize('position', [float('nan'), float('inf')])
 def test_joints_of_a_lost_strut_may_be_missing_or_not_finite(name, position):
     names, positions = [*NAMES[:3], name], [*POSITIONS[:3], position]
-    found = joint_readings(MECHANISM, names, positions, ['strut_4'])
+    values, notice = joint_readings(MECHANISM, names, positions, ['strut_4'])
 
-    assert found.notice is None
-    np.testing.assert_array_equal(found.values[:3], POSITIONS[:3])
-    assert not np.isfinite(found.values[3])
+    assert notice is None
+    np.testing.assert_array_equal(values[:3], POSITIONS[:3])
+    assert not np.isfinite(values[3])
     assert refused(names, positions, ['strut_3']) is not None
 
 
@@ -126,22 +127,35 @@ def test_values_of_the_wrong_number_are_unusable():
     st.sampled_from([(), ('strut_1',)]),
 ), min_size=1, max_size=6))
 def test_a_reader_that_knows_the_names_reads_what_any_reader_reads(messages):
+    """Values that are not usable are rejected by who takes them, if not by the reader."""
     reader = JointStateReader(MECHANISM)
     for names, positions, lost in [*messages, *messages]:
-        found, wanted = (
-            read(names, positions, lost)
-            for read in (reader.readings, lambda *given: joint_readings(MECHANISM, *given))
-        )
-        assert found.notice == wanted.notice
-        assert (found.values is None) is (wanted.values is None)
-        if wanted.values is not None:
-            np.testing.assert_array_equal(found.values, wanted.values)
+        results = []
+        for read in (reader.readings, lambda *given: joint_readings(MECHANISM, *given)):
+            values, notice = read(names, positions, lost)
+            if values is not None:
+                notice = unusable(MECHANISM, values, lost)
+            results.append((None if notice else values, notice))
+        found, wanted = results
+        assert found[1] == wanted[1]
+        assert (found[0] is None) is (wanted[0] is None)
+        if wanted[0] is not None:
+            np.testing.assert_array_equal(found[0], wanted[0])
+
+
+def test_a_reader_that_knows_the_names_leaves_values_to_who_takes_them():
+    reader = JointStateReader(MECHANISM)
+    for last, notice in ((0.0, None), (2e7, 'not_finite'), (float('nan'), 'not_finite')):
+        values, refusal = reader.readings(list(NAMES), [0.0, 0.0, 0.0, last])
+        assert refusal is None
+        found = unusable(MECHANISM, values, ())
+        assert (found and found.reason) == notice
 
 
 def test_a_reader_goes_by_the_names_of_each_message():
     reader = JointStateReader(MECHANISM)
     for names, positions in ((NAMES, POSITIONS), (NAMES[::-1], POSITIONS[::-1])) * 2:
-        found = reader.readings(list(names), positions)
-        np.testing.assert_array_equal(found.values, POSITIONS)
+        values, _ = reader.readings(list(names), positions)
+        np.testing.assert_array_equal(values, POSITIONS)
     assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS) == (None, None)
-    assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS).notice.reason == 'missing_joint'
+    assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS)[1].reason == 'missing_joint'

@@ -128,7 +128,7 @@ def test_every_pair_of_failures_beside_home_is_judged_as_at_home_in_the_next_ste
         output = supervisor.step(0.0)
         assert output.state is (State.DEGRADED if tolerable else State.STOPPED), case.failures
         assert output.rates.any() == tolerable
-        if not tolerable and output.post.verdict.tolerable:
+        if not tolerable and output.estimate.post.verdict.tolerable:
             only_there += 1
             assert f'is below the tolerance threshold {THRESHOLD:g}; hardly' in output.reason
     assert only_there == 48
@@ -171,18 +171,19 @@ def driven(mechanism, failures, **more):
     supervisor.reports([report(*one) for one in failures], 0.0)
     outputs, volumes = [], []
     for k in range(1, 400):
-        pose = supervisor.output.configuration.pose
+        pose = supervisor.output.estimate.configuration.pose
         turn = goal[:3, :3] @ pose[:3, :3].T
         turn = 0.5 * (turn - turn.T)[[2, 0, 1], [1, 2, 0]]
         way = np.concatenate([turn, goal[:3, 3] - pose[:3, 3]])
         feed(supervisor, k * PERIOD, way / np.linalg.norm(way), values)
         outputs.append(supervisor.step(k * PERIOD))
-        present = outputs[-1].post.present
+        present = outputs[-1].estimate.post.present
         volumes.append(np.linalg.det(present.jacobian @ present.mapping[present.active].T))
         if not outputs[-1].rates.any():
             return outputs, np.array(volumes)
         values = fitted_configuration(
-            mechanism, values + PERIOD * outputs[-1].rates, start=outputs[-1].configuration
+            mechanism, values + PERIOD * outputs[-1].rates,
+            start=outputs[-1].estimate.configuration,
         ).actuator_values
     raise AssertionError('it did not come to rest')
 
@@ -194,7 +195,7 @@ def test_on_the_way_to_a_singularity_it_stops_while_the_platform_is_held():
     assert outputs[-1].state is State.STOPPED
     assert 'is below the tolerance threshold' in outputs[-1].reason
     # One step beyond the threshold, not more.
-    assert 0.9 * THRESHOLD < tolerance_margins(outputs[-1].post).torque < THRESHOLD
+    assert 0.9 * THRESHOLD < tolerance_margins(outputs[-1].estimate.post).torque < THRESHOLD
     assert (volumes * volumes[0] > 0.0).all()
 
 

@@ -22,17 +22,18 @@ def test_thresholds_judge_what_is_there_already():
     supervisor = fed(FSM, velocity=ASKED)
     supervisor.reports([report('stuck', 'theta_4')], 0.0)
     assert supervisor.step(0.0).state is State.DEGRADED
-    supervisor.go_on_with(replace(supervisor.settings, tolerance_threshold=0.9))
+    supervisor.apply_settings(replace(supervisor.settings, tolerance_threshold=0.9))
     assert supervisor.step(0.01).state is State.STOPPED
     # A stop stays until somebody has looked.
-    supervisor.go_on_with(replace(supervisor.settings, tolerance_threshold=0.01))
+    supervisor.apply_settings(replace(supervisor.settings, tolerance_threshold=0.01))
     assert supervisor.step(0.02).state is State.STOPPED
     assert supervisor.failures
 
 
 def test_timeouts_and_rules_of_reports():
     supervisor = fed(FSM, velocity=ASKED)
-    supervisor.go_on_with(Settings(joint_state_timeout=5.0, command_timeout=5.0, auto_clear=True))
+    supervisor.apply_settings(
+        Settings(joint_state_timeout=5.0, command_timeout=5.0, auto_clear=True))
     feed(supervisor, 0.0, ASKED)
     assert supervisor.step(4.9).rates.any()
     assert supervisor.step(5.1).state is State.HOLD
@@ -40,7 +41,7 @@ def test_timeouts_and_rules_of_reports():
     assert supervisor.failures
     supervisor.reports([report('ok', 'theta_4')], 6.0)
     assert not supervisor.failures
-    supervisor.go_on_with(Settings(unknown_mode='ignore'))
+    supervisor.apply_settings(Settings(unknown_mode='ignore'))
     supervisor.reports([report('melted', 'theta_4')], 6.0)
     feed(supervisor, 6.0)
     assert supervisor.step(6.0).state is State.NOMINAL
@@ -53,7 +54,7 @@ def test_the_law_is_that_of_a_supervisor_made_with_them(changes):
     mirror = mechanism_named('mirror_4_strut')
     place = 5e-4 * np.array([1.0, 0.0, -1.0, 0.0])
     changed, made = Supervisor(mirror), Supervisor(mirror, Settings(**changes))
-    changed.go_on_with(Settings(**changes))
+    changed.apply_settings(Settings(**changes))
     for supervisor in (changed, made):
         feed(supervisor, 0.0, [0.5, 0.0, 0.0], place)
         supervisor.step(0.0)

@@ -10,7 +10,7 @@ from core.control.control_cases import failing, place, report
 from core.detection.detection_cases import ENGINES
 
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-from fault_tolerance.control.parking import DELAY, NEAR, SPEED
+from fault_tolerance.control.parking import DELAY, GOAL, SPEED
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
@@ -86,7 +86,7 @@ def test_it_goes_to_the_park_pose_slowly_and_stays_stopped():
     assert fastest[2:].min() > 0.0
     error, rows = machine.error()
     length = machine.supervisor.mechanism.characteristic_length
-    assert np.abs(error[rows]).max() <= 1.01 * NEAR * length
+    assert np.abs(error[rows]).max() <= 1.01 * GOAL * length
     assert machine.supervisor.output.reason.endswith('; parked')
     stopped = [one.state for one in machine.outputs if one.failures]
     assert set(stopped) == {State.STOPPED}
@@ -103,9 +103,9 @@ def test_what_cannot_be_reached_is_approached_and_told():
     (motion,) = after(mechanism, [('stuck', 'theta_1'), ('stuck', 'theta_2')]).jacobian.T
     motion = scale[rows] * motion
     left = (scale * error)[rows]
-    assert np.linalg.norm(left) > 20 * NEAR * mechanism.characteristic_length
+    assert np.linalg.norm(left) > 20 * GOAL * mechanism.characteristic_length
     along = abs(left @ motion) / np.linalg.norm(motion)
-    assert along < 2.0 * NEAR * mechanism.characteristic_length
+    assert along < 2.0 * GOAL * mechanism.characteristic_length
     reason = machine.supervisor.output.reason
     assert f'parked as far as it goes, off in wx by {error[0]:.2g} rad' in reason
     assert not machine.run(0.5).any()
@@ -129,7 +129,7 @@ def test_it_ends_before_a_singularity_where_the_drives_hold_the_platform_no_long
     machine.run(14.0)
     reason, gain = machine.supervisor.output.reason, []
     assert 'parked as far as it goes, off in wz by 0.' in reason
-    for post in (after(mechanism), machine.supervisor.output.post):
+    for post in (after(mechanism), machine.supervisor.output.estimate.post):
         scale = np.repeat([mechanism.characteristic_length, 1.0], 3)[:, None]
         gain.append(np.linalg.norm(scale * post.present.twist_jacobian))
     assert 5.0 * gain[0] < gain[1] < 15.0 * gain[0]
@@ -169,7 +169,7 @@ def unread(machine):
 
 
 def set_back(machine):
-    machine.supervisor.forget_times(machine.now)
+    machine.supervisor.restart_clock(machine.now)
     assert not machine.supervisor.step(machine.now).rates.any()
 
 

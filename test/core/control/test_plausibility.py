@@ -30,7 +30,7 @@ def test_a_reading_beyond_its_stroke_is_used_and_told_of(excess, told):
 
     assert output.state is State.NOMINAL
     np.testing.assert_allclose(
-        output.configuration.actuator_values, (HIGHEST + excess) * DIRECTION, atol=1e-9
+        output.estimate.configuration.actuator_values, (HIGHEST + excess) * DIRECTION, atol=1e-9
     )
     # At the end of the stroke nothing moves, which is told as well.
     assert reasons(output) == [*(['out_of_range'] if told else []), 'standstill']

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.control.estimate import estimate
-from fault_tolerance.control.resolved_rate import no_command, rate_command
+from fault_tolerance.control.rate_command import initial_command, rate_command
 from fault_tolerance.kernel.law import (
     asked_velocity,
     limited,
@@ -26,7 +26,7 @@ from fault_tolerance.tolerances import LARGEST_RATE
 FSM = mechanism_named('fsm_4_strut')
 NAMES = FSM.actuator_names
 MODEL = modelled(FSM)
-DRIVES = MODEL.view.drives.scale
+DRIVES = MODEL.packed.view.drives.scale
 
 
 class Limited:
@@ -35,7 +35,7 @@ class Limited:
     def __init__(self, asked, low, high, failures=(), scale=1.0):
         found = estimate(MODEL, MODEL.unknown, np.zeros(4), failure_set(FSM, failures)).arrays
         self.mapping, self.jacobian = found.mapping, found.jacobian
-        task, law = MODEL.view.task, MODEL.view.law
+        task, law = MODEL.packed.view.task, MODEL.packed.view.law
         work = MODEL.packed.work
         work[0] = 1.0
         wanted = asked_velocity(task, np.array(asked, float), np.empty(len(asked)))
@@ -50,7 +50,7 @@ class Limited:
         self.reduced = within.scale * (whole.first + within.share * whole.second)
         self.rates = scaled_rates(DRIVES, found.motions, self.reduced, 1.0, np.empty(4))
         self.whole_rates = scaled_rates(DRIVES, found.motions, self.whole, 1.0, np.empty(4))
-        scale = MODEL.view.task.scale
+        scale = MODEL.packed.view.task.scale
         self.achieved = (found.jacobian @ self.reduced / scale)[task.rows]
         self.whole_achieved = (found.jacobian @ self.whole / scale)[task.rows]
 
@@ -122,7 +122,7 @@ def test_a_huge_velocity_keeps_its_direction(size):
     model = modelled(mechanism)
     found = estimate(model, model.unknown, np.zeros(6), failure_set(mechanism, []))
     asked = size * np.array([0, 0, 0, 1.0, 1.0, 0.5])
-    command = rate_command(model, found, asked, no_command(model), 0.0)
+    command = rate_command(model, found, asked, initial_command(model), 0.0)
 
     assert np.abs(command.rates).max() == pytest.approx(LARGEST_RATE)
     np.testing.assert_allclose(command.twist[3:] / command.twist[3], [1.0, 1.0, 0.5], atol=1e-9)
@@ -170,7 +170,7 @@ def test_no_more_is_given_up_than_need_be(asked, limit):
 
 def bounds_of(mechanism, values, gain):
     lower, upper = np.empty(len(values)), np.empty(len(values))
-    drives = modelled(mechanism).view.drives
+    drives = modelled(mechanism).packed.view.drives
     rate_bounds(drives, gain, np.asarray(values, float), lower, upper)
     return lower, upper
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from core.control.control_cases import fed, feed, report
 
-from fault_tolerance.control.secondary_motion import EASE, SMOOTHING
+from fault_tolerance.control.secondary_motion import FADE, SMOOTHING
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.kinematics.reconfiguration import after
@@ -70,7 +70,7 @@ def test_the_major_task_does_not_notice_and_the_motion_is_bounded_and_smooth():
     assert turning[0] == pytest.approx(0.5)  # begins as it was asked to move
     assert np.abs(turning[40:]).max() <= SPEED
     assert turning[-1] == pytest.approx(-SPEED, rel=0.05)
-    assert np.abs(np.diff(turning)).max() <= PERIOD * ((0.5 + SPEED) / EASE + SPEED / SMOOTHING)
+    assert np.abs(np.diff(turning)).max() <= PERIOD * ((0.5 + SPEED) / FADE + SPEED / SMOOTHING)
 
 
 def test_it_follows_by_default_and_where_nothing_is_asked_for_it_rests():
@@ -83,7 +83,7 @@ def test_it_follows_by_default_and_where_nothing_is_asked_for_it_rests():
         machine.now += PERIOD
         feed(machine.supervisor, machine.now, None, machine.values)
         output = machine.supervisor.step(machine.now)
-    assert output.idle
+    assert output.no_request_reason
     assert not output.rates.any()
 
 
@@ -119,10 +119,10 @@ def test_with_a_failure_it_follows_and_nothing_jumps():
 def test_it_can_be_switched_off_while_it_climbs():
     machine = Machine(platform(), 0.3)
     climbing = machine.run(1.5)[-1]
-    machine.supervisor.go_on_with(Settings())
+    machine.supervisor.apply_settings(Settings())
     outputs = [climbing, *machine.run(1.0, (0, 0, 0.02, 0, 0, 0))]
     turning = np.array([one.achieved[WZ] for one in outputs])
-    assert np.abs(np.diff(turning)).max() <= PERIOD * ((0.02 + SPEED) / EASE + SPEED / SMOOTHING)
+    assert np.abs(np.diff(turning)).max() <= PERIOD * ((0.02 + SPEED) / FADE + SPEED / SMOOTHING)
     np.testing.assert_allclose(turning[30:], 0.02, atol=1e-9)
 
 

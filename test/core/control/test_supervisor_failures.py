@@ -37,7 +37,7 @@ def test_the_step_after_a_report_gives_the_new_kinematics():
     assert output.rates[3] == 0.0
     np.testing.assert_allclose(output.residual, [0, 0, 0.02 / np.sqrt(2)], atol=1e-15)
     assert output.failures == FailureSet(stuck=('theta_4',))
-    assert output.post.failures == output.failures
+    assert output.estimate.post.failures == output.failures
 
 
 def singles(name):
@@ -75,9 +75,10 @@ def test_every_single_failure_is_judged_and_commanded_as_the_theory_says(name):
         post = reconfigured(rows, failures)
 
         assert output.failures == failures
-        assert output.post.verdict == post.verdict
+        assert output.estimate.post.verdict == post.verdict
         # J and T are unique up to an orthogonal matrix.
-        for found, wanted in zip(_free_of_bases(output.post), _free_of_bases(post), strict=True):
+        given = _free_of_bases(output.estimate.post)
+        for found, wanted in zip(given, _free_of_bases(post), strict=True):
             size = max(1.0, float(np.abs(wanted).max()))
             np.testing.assert_allclose(found, wanted, atol=1e-12 * size)
         if post.verdict.tolerable:
@@ -266,8 +267,9 @@ def test_clearing_gives_the_nominal_kinematics_back_to_the_last_bit(name):
     feed(supervisor, 10.01, asked)
     after = supervisor.step(10.01)
 
-    np.testing.assert_array_equal(after.post.present.jacobian, before.post.present.jacobian)
-    np.testing.assert_array_equal(after.post.present.mapping, before.post.present.mapping)
+    now, then = after.estimate.post.present, before.estimate.post.present
+    np.testing.assert_array_equal(now.jacobian, then.jacobian)
+    np.testing.assert_array_equal(now.mapping, then.mapping)
     np.testing.assert_array_equal(after.rates, before.rates)
     assert after.state is State.NOMINAL
 
@@ -312,7 +314,7 @@ def test_without_recovery_it_commands_as_if_nothing_had_failed_but_still_stops()
 
     assert output.state is State.DEGRADED
     np.testing.assert_array_equal(output.rates, before.rates)
-    assert output.post.verdict.mobility == 2
+    assert output.estimate.post.verdict.mobility == 2
     assert supervisor.metrics().position_measure == pytest.approx(1 / np.sqrt(3))
     supervisor.reports([report('stuck', 'theta_1')], 0.0)
     assert supervisor.step(0.0).state is State.STOPPED
@@ -337,8 +339,8 @@ def test_a_failure_away_from_home_is_judged_there():
     supervisor.reports([report('stuck', 'theta_4')], 0.0)
     output = supervisor.step(0.0)
 
-    assert output.configuration.pose[2, 1] == pytest.approx(0.02 * np.sqrt(2), rel=1e-3)
-    np.testing.assert_allclose(output.configuration.actuator_values, tilt, atol=1e-7)
+    assert output.estimate.configuration.pose[2, 1] == pytest.approx(0.02 * np.sqrt(2), rel=1e-3)
+    np.testing.assert_allclose(output.estimate.configuration.actuator_values, tilt, atol=1e-7)
     np.testing.assert_allclose(output.achieved[:2], ASKED[:2], atol=1e-12)
     assert np.abs(output.rates - RECOVERED).max() > 1e-6
 
@@ -364,7 +366,7 @@ def test_any_mixture_of_failures_gives_the_verdict_of_the_whole_set(pairs):
     expected = reconfigured(home_rows(FSM), failures)
 
     assert output.failures == failures
-    assert output.post.verdict == expected.verdict
+    assert output.estimate.post.verdict == expected.verdict
     if not failures:
         assert output.state is State.NOMINAL
     elif not expected.verdict.tolerable:
@@ -394,7 +396,7 @@ def test_a_strut_that_is_lost_gives_back_what_a_stuck_axis_has_barred(name):
             output = supervisor.step(0.0)
             assert output.state is State.DEGRADED, messages
         np.testing.assert_allclose(output.achieved[:2], asked[:2], atol=1e-12)
-        assert tolerance_margins(output.post).motion == pytest.approx(2.36, abs=5e-3)
+        assert tolerance_margins(output.estimate.post).motion == pytest.approx(2.36, abs=5e-3)
 
 
 def test_after_a_clearing_nothing_moves_until_the_joints_of_the_lost_strut_are_read():

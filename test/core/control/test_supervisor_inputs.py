@@ -35,7 +35,7 @@ def test_without_joint_states_it_waits_with_zeros():
     assert output.state is State.WAITING
     assert output.reason == 'no joint state yet; theta_4 stuck'
     assert at_rest(output)
-    assert output.post is None
+    assert not output.estimate.located
     assert output.input_lost
 
 
@@ -212,7 +212,7 @@ def test_told_to_forget_times_it_holds_until_the_next_readings():
     supervisor = fed(FSM, velocity=ASKED)
     assert supervisor.step(0.0).rates.any()
 
-    supervisor.forget_times(0.0)
+    supervisor.restart_clock(0.0)
 
     assert supervisor.step(0.0).state is State.HOLD
     feed(supervisor, 0.01, ASKED)
@@ -325,21 +325,21 @@ def test_what_is_moved_beside_the_task_ends_unless_it_is_asked_for_again():
     supervisor, beside = fed(FSM, 0.0), 1e-4 * np.array([1.0, -1.0, 1.0, -1.0])
     supervisor.task_velocity(np.zeros(3), 0.0)
     found = []
-    supervisor.move_beside(beside)
+    supervisor.add_probe_rates(beside)
     for now in (0.0, 0.01, 0.02):
         feed(supervisor, now)
         found.append(supervisor.step(now).rates.copy())
         if now == 0.0:
-            supervisor.move_beside(beside)
+            supervisor.add_probe_rates(beside)
             assert supervisor.step(now).rates.any()  # no answer to a reading
     np.testing.assert_array_equal(found, [beside, beside, np.zeros(4)])
     for wrong in (np.nan, np.inf):
-        supervisor.move_beside(wrong * beside)
+        supervisor.add_probe_rates(wrong * beside)
         assert not supervisor.step(0.02).rates.any()
     # Rounding moves no stuck drive.
     supervisor.reports([report('stuck', 'theta_4')], 0.02)
     supervisor.step(0.02)
-    supervisor.move_beside(np.array([1e-4, -2e-4, 1e-4, 1e-23]))
+    supervisor.add_probe_rates(np.array([1e-4, -2e-4, 1e-4, 1e-23]))
     assert supervisor.step(0.02).rates.tolist() == [1e-4, -2e-4, 1e-4, 0.0]
 
 

@@ -239,7 +239,7 @@ def test_no_velocity_jumps_more_than_without_easing(name, asked, early, late, ki
         assume(after.state is not State.STOPPED)
         found.append(jumps(mechanism, before, after))
 
-        kinematics = after.post.present
+        kinematics = after.estimate.post.present
         active = after.rates[kinematics.active]
         mapping = kinematics.mapping[kinematics.active]
         inside = mapping @ (mapping.T @ active)

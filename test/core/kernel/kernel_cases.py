@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 from core.mechanisms import _across, hexapod, made, revolute, universal
 
-from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.control_model import control_model
+from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kinematics.failures import failure_set
@@ -123,7 +124,7 @@ def compare(model, values, failures, deviations):
     mechanism, where = model.mechanism, (model.mechanism.name, np.round(values, 4), failures)
     deviations.cases += 1
     found = located(model, values, failures)
-    closes = not found.obstacle.startswith('the loops')
+    closes = not found.hold_reason.startswith('the loops')
     lost = [one.strut in failures.lost and bool(one.strut) for one in mechanism.actuators]
     read = np.where(lost, np.nan, values)
     compliance = mechanism.compliance

@@ -17,7 +17,7 @@ from core.kernel.kernel_cases import (
 from core.mechanisms import DOCUMENTS, by_numbers, made, random_machine, revolute, serial_3r
 
 from fault_tolerance.control.estimate import estimate
-from fault_tolerance.control.resolved_rate import no_command, rate_command
+from fault_tolerance.control.rate_command import initial_command, rate_command
 from fault_tolerance.kernel.compilation import best_kernel, python_kernel
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
@@ -120,7 +120,7 @@ def test_the_kernel_as_python_stays_within_its_arrays():
             compare(model, np.zeros(count), failures, deviations)
         nonsense = estimate(model, model.unknown, np.full(count, 50.0), failures)
         rate_command(model, nonsense, np.ones(len(mechanism.task.coordinates)),
-                     no_command(model), 0.0)
+                     initial_command(model), 0.0)
         assert np.flatnonzero(~np.isnan(work)).max() < 0.7 * len(work), mechanism.name
     assert not deviations.over()
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from core.kernel.kernel_cases import singles
 
-from fault_tolerance.control.estimate import control_model, estimate
+from fault_tolerance.control.control_model import control_model
+from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.failures import failure_set

@@ -9,7 +9,7 @@ from core.kernel.kernel_cases import failure_sets, modelled, relative, values_at
 from core.mechanisms import DOCUMENTS, by_numbers, made
 
 from fault_tolerance.control.estimate import Estimate, estimate
-from fault_tolerance.control.resolved_rate import no_command, rate_command
+from fault_tolerance.control.rate_command import initial_command, rate_command
 from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -32,7 +32,7 @@ def walk(mechanism, rng):
 
 def results_of(found: Estimate, asked) -> list:
     """Return what an estimate says, and the command that follows from it."""
-    command = rate_command(found.model, found, asked, no_command(found.model), 0.0)
+    command = rate_command(found.model, found, asked, initial_command(found.model), 0.0)
     free = [found.arrays.mapping @ found.arrays.mapping.T,
             found.arrays.jacobian @ found.arrays.mapping.T]
     return [found.pose, found.actuator_values, *free, found.measures(), command.rates]
@@ -47,9 +47,9 @@ def test_an_estimate_is_the_same_from_the_last_one_and_from_home():
             last = estimate(model, last, values, failures)
             afresh = estimate(model, model.unknown, values, failures)
             where = mechanism.name, failures
-            assert (last.obstacle, last.tolerated, last.mobility) == (
-                afresh.obstacle, afresh.tolerated, afresh.mobility), where
-            if last.tolerated and not last.obstacle:
+            assert (last.hold_reason, last.tolerated, last.mobility) == (
+                afresh.hold_reason, afresh.tolerated, afresh.mobility), where
+            if last.tolerated and not last.hold_reason:
                 off = [relative(one, other) for one, other in zip(
                     results_of(last, asked), results_of(afresh, asked), strict=True)]
                 # Pose and joint values; then what follows from them, which bends more.
@@ -76,7 +76,8 @@ def test_flags_that_are_carried_over_are_those_that_would_be_made():
         last = model.unknown
         for values, failures in walk(mechanism, np.random.default_rng(4)):
             # Of an estimate with other failures nothing can be carried over.
-            other = replace(last, failures=FailureSet(stuck=('nobody',)), flags=None)
+            other = replace(last, failures=FailureSet(stuck=('nobody',)),
+                            flags=np.full_like(last.flags, np.nan))
             other = estimate(model, other, values, failures)
             last = estimate(model, last, values, failures)
             np.testing.assert_array_equal(last.flags, other.flags)
@@ -90,7 +91,7 @@ def test_what_an_estimate_was_made_from_is_left_alone():
     first = estimate(model, model.unknown, values, FailureSet(stuck=('theta_1',)))
     before, given = [one.copy() for one in first.arrays], values.copy()
     estimate(model, first, values, FailureSet(lost=('strut_2',)))
-    rate_command(model, first, np.ones(3), no_command(model), 0.0)
+    rate_command(model, first, np.ones(3), initial_command(model), 0.0)
     first.measures()
 
     for one, same in zip(first.arrays, before, strict=True):

@@ -11,7 +11,7 @@ from core.kernel.kernel_cases import failure_sets, modelled, values_at
 from core.mechanisms import DOCUMENTS, by_numbers, made
 
 from fault_tolerance.control.estimate import estimate
-from fault_tolerance.control.resolved_rate import no_command, rate_command, resting
+from fault_tolerance.control.rate_command import initial_command, rate_command, zero_command
 from fault_tolerance.kernel.compilation import best_kernel, python_kernel
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
@@ -108,7 +108,7 @@ class Oracle:
         moves = sigma[-1] if len(sigma) == len(major) else 0.0
         held = min(1.0, self.held / max(np.linalg.norm(jacobian), 1e-300))
         margin, settings = min(moves / self.moves, held), self.settings
-        hold = settings.hold_below * (2.0 if before.obstacle else 1.0)
+        hold = settings.hold_below * (2.0 if before.hold_reason else 1.0)
         if margin <= hold:
             return np.zeros(len(mapping)), np.zeros(6), 0.0, 0.0
         slow = (margin - settings.hold_below) / (settings.slow_below - settings.hold_below)
@@ -121,7 +121,7 @@ class Oracle:
         factor, share = self.fitted(first, second, ends)
         goal = factor * (first + share * second)
         sent = self.drives * before.rates, (self.scale * before.twist)[rows]
-        begins = before.failures != failures or not before.moves or self.under_way
+        begins = before.failures != failures or not before.numbers[8] or self.under_way
         self.under_way = bool(begins and np.isfinite(before.numbers[7]))
         if self.under_way and self.rates(goal).any():
             goal = self.on_the_way(major, mapping, goal, sent, ends, now - before.numbers[7])
@@ -195,17 +195,17 @@ def largest_deviation(mechanism, kernel, rng, sets, places, **settings):
     for values, (first, then) in product(places, zip(sets, sets[::-1], strict=True)):
         for velocity in velocities(mechanism, rng):
             oracle = Oracle(mechanism, model.settings)
-            before, found = no_command(model), model.unknown
+            before, found = initial_command(model), model.unknown
             other = velocity[rng.permutation(len(velocity))]
             plan = [(first, velocity), (then, other), (then, other), (None, other),
                     (then, other), (then, velocity)]
             for number, (failures, asked) in enumerate(plan):
                 now = 0.02 * number
                 if failures is None:
-                    before = resting(before, then, now)
+                    before = zero_command(before, then, now)
                     continue
                 found = estimate(model, found, values, failures)
-                if found.obstacle:
+                if found.hold_reason:
                     break
                 used, present = found, failures
                 if not model.settings.recovery:
@@ -310,8 +310,8 @@ def test_limits_and_singularities_keep_the_direction_of_the_major_task():
             for values, size in product(places, (1.0, 1e3, 1e300)):
                 found = estimate(model, model.unknown, values, failures)
                 asked = size * rng.standard_normal(len(rows))
-                command = rate_command(model, found, asked, no_command(model), 0.0)
-                if found.obstacle or not found.tolerated or command.obstacle:
+                command = rate_command(model, found, asked, initial_command(model), 0.0)
+                if found.hold_reason or not found.tolerated or command.hold_reason:
                     continue
                 achieved = command.twist[rows[mechanism.task.major_rows]]
                 wanted = asked[mechanism.task.major_rows] / size
@@ -338,7 +338,7 @@ def test_an_eased_command_never_jumps_more_than_the_one_it_leads_to():
             size = 10.0 ** rng.uniform(-4.0, 2.0)
             asked = size * rng.standard_normal((2, len(mechanism.task.coordinates)))
             found = estimate(slow, slow.unknown, values, first)
-            before = rate_command(slow, found, asked[0], no_command(slow), 0.0)
+            before = rate_command(slow, found, asked[0], initial_command(slow), 0.0)
             found = estimate(slow, found, values, then)
             one, other = (
                 rate_command(model, found, asked[1], before, 1e-3) for model in (slow, at_once)
@@ -346,5 +346,5 @@ def test_an_eased_command_never_jumps_more_than_the_one_it_leads_to():
             jumps = [np.linalg.norm(drives * (each.rates - before.rates)) for each in (one, other)]
             speed = np.linalg.norm(drives * one.rates) + np.linalg.norm(drives * other.rates)
             assert jumps[0] <= jumps[1] * (1.0 + 1e-6) + 1e-9 * speed, (name, first, then)
-            if first != then and one.moves and other.rates.any():
+            if first != then and one.numbers[8] and other.rates.any():
                 np.testing.assert_allclose(one.rate_jump, jumps[0], rtol=1e-9, atol=1e-9 * speed)

@@ -16,7 +16,6 @@ from core.machines.closures import assert_as_mujoco
 from fault_tolerance.cli import main
 from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
 from fault_tolerance.control.failure_reports import ERROR, Report
-from fault_tolerance.control.pointing import PointingLoop
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.errors import MechanismError
@@ -35,6 +34,7 @@ from fault_tolerance.simulation.engines import ENGINES, plant_named
 from fault_tolerance.simulation.faults import fault_command
 from fault_tolerance.simulation.mjcf import PLATFORM, mjcf_text
 from fault_tolerance.simulation.plant_settings import PlantSettings
+from fault_tolerance.simulation.pointing import PointingLoop
 from fault_tolerance.simulation.reference import Circle
 
 ROOT = Path(__file__).parents[3]

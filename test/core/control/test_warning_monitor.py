@@ -128,7 +128,7 @@ def test_a_limit_that_is_set_anew_counts_what_lasts_from_then():
         now = number * PERIOD
         if number in (10, 61):  # at a limit from 0.6 s on
             limit = 0.0 if number == 10 else 0.2
-            supervisor.go_on_with(replace(supervisor.settings, saturation_limit=limit))
+            supervisor.apply_settings(replace(supervisor.settings, saturation_limit=limit))
         feed(supervisor, now, [50.0, 0.0, 0.0] if number >= 60 else [0.0, 0.0, 0.0])
         supervisor.step(now)
         news += [(one.reason, now) for one in supervisor.watch() if one.reason == 'saturation']

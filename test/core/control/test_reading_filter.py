@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.estimate import control_model
+from fault_tolerance.control.control_model import control_model
 from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.settings import Settings
@@ -252,7 +252,7 @@ def test_a_wrap_that_the_file_does_not_know_is_not_followed():
 
 
 def pieces(reader, names, values, now, failed=()):
-    return [reader.readings([name], [value], failed, now).values
+    return [reader.readings([name], [value], failed, now)[0]
             for name, value in zip(names, values, strict=True)]
 
 
@@ -265,7 +265,7 @@ def test_one_message_per_joint():
         assert early == [None] * 3  # one step for all of them
         np.testing.assert_array_equal(last, values)
     # One that comes more often than the others has commands follow it.
-    found = [reader.readings([names[1]], [value], (), 0.05).values for value in (0.0, 1e-6, 2e-6)]
+    found = [reader.readings([names[1]], [value], (), 0.05)[0] for value in (0.0, 1e-6, 2e-6)]
     assert found[0] is None
     np.testing.assert_allclose(found[2], [4e-6, 2e-6, 2.4e-5, 3.4e-5])
 
@@ -274,12 +274,12 @@ def test_parts_that_are_too_old_are_not_put_together():
     mechanism = mechanism_named('mirror_4_strut')
     names, reader = mechanism.joint_state_names, JointStateReader(mechanism, 0.1)
     pieces(reader, names[:3], np.zeros(3), 0.0)
-    assert reader.readings([names[3]], [0.0], (), 0.2).values is None
-    found = reader.readings([names[3]], [0.0], (), 0.21)
-    assert found.values is None
-    assert found.notice.reason == 'missing_joint'
-    assert all(name in found.notice.text for name in names[:3])
-    assert names[3] not in found.notice.text
+    assert reader.readings([names[3]], [0.0], (), 0.2)[0] is None
+    values, notice = reader.readings([names[3]], [0.0], (), 0.21)
+    assert values is None
+    assert notice.reason == 'missing_joint'
+    assert all(name in notice.text for name in names[:3])
+    assert names[3] not in notice.text
 
 
 def test_strangers_are_nobodys_business():
@@ -295,7 +295,7 @@ def test_an_encoder_that_dies_with_its_drive(mode, dead):
     machine.report(mode, 'theta_2')
     reader, mechanism = JointStateReader(machine.mechanism), machine.mechanism
     names, failures = mechanism.joint_state_names, machine.supervisor.failures.parts
-    post = machine.supervisor.output.post
+    post = machine.supervisor.output.estimate.post
     way = 1e-5 * post.present.rate_map[:, 0]
     for turn in range(1, 20):
         true = turn * way
@@ -304,8 +304,8 @@ def test_an_encoder_that_dies_with_its_drive(mode, dead):
         if dead != 'absent':
             values.insert(1, float('nan') if dead == 'nan' else 0.0)
             kept = names
-        found = reader.readings(list(kept), values, failures, machine.now)
-        assert machine.read(found.values) is None
+        found, _ = reader.readings(list(kept), values, failures, machine.now)
+        assert machine.read(found) is None
     assert machine.state is State.DEGRADED
     np.testing.assert_allclose(machine.estimated(), true, atol=2e-9)
     silent = machine.supervisor.output.sensorless
@@ -322,7 +322,7 @@ def test_too_few_readings_hold():
     assert supervisor.joint_reading(np.array([np.nan, np.nan, 0.0, 0.0]), 0.0) is None
     output = supervisor.step(0.0)
     assert output.state is State.HOLD
-    assert 'without a reading' in output.reason
+    assert 'pose not determined' in output.reason
     # Where one of them has been read, the others say where the other one is.
     assert supervisor.joint_reading(np.array([0.0, np.nan, 0.0, 0.0]), PERIOD) is None
     assert supervisor.step(PERIOD).state is State.DEGRADED

@@ -1,24 +1,20 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The results: what one step of the controller gives, and what a clear did."""
+"""What one step of the controller gives: command, state, estimate, and the reason in words."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fault_tolerance.control.estimate import Estimate
-from fault_tolerance.control.failure_ledger import LedgerClear
 from fault_tolerance.control.failure_reports import ERROR, OK, STALE, WARN
 from fault_tolerance.control.notices import Notice
-from fault_tolerance.control.resolved_rate import RateCommand
+from fault_tolerance.control.rate_command import RateCommand
 from fault_tolerance.control.state_machine import MOVING, Decision, State
 from fault_tolerance.kinematics.failures import FailureSet
-from fault_tolerance.kinematics.reconfiguration import PostFailure
 from fault_tolerance.kinematics.verdict import failures_in_words
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, frozen
-from fault_tolerance.mechanism.configuration import Configuration
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,25 +27,25 @@ class Output:
     failures: FailureSet
     """Latched, whatever the state."""
     estimate: Estimate
-    """Of the last usable joint values."""
+    """Of the last accepted joint values."""
     reading: int
     """How many readings had been accepted up to that of the estimate: the same number, the same
     reading, in however many steps; 0 before the first."""
-    asked: FloatArray
+    requested: FloatArray
     """(l,): the task velocity in force, rad/s and m/s."""
-    idle: str
-    """Why nothing is asked for; empty if something is."""
+    no_request_reason: str
+    """Why there is no task velocity in force; empty if there is one."""
     input_lost: bool
     """Whether joint states that were there, or are waited for, are missing."""
     reconfiguration_time: float
     """Seconds from the last failure report that changed anything to the end of the step that
     followed it; 0 before there was one, or without a clock."""
-    silent: BoolArray
-    """(N,): actuators that have failed, not with their struts, and whose encoders say nothing."""
+    sensorless_flags: BoolArray
+    """(N,): actuators that have failed, not with their struts, and have no usable reading."""
     warnings: tuple[Notice, ...]
-    """What readings contradict, as far as `Supervisor.watch` has found it."""
+    """Those in force, as far as `Supervisor.watch` has found them."""
     parking: str = ''
-    """What there is to say of a park move; empty if there is none."""
+    """The outcome of a park move so far; empty if there is none."""
 
     def __repr__(self) -> str:
         """Return state and reason."""
@@ -67,8 +63,8 @@ class Output:
 
     @property
     def residual(self) -> FloatArray:
-        """What is missing of the task velocity asked for, (l,), in the task's order."""
-        return frozen(self.asked - self.achieved[self.estimate.model.mechanism.task.rows])
+        """What is missing of the task velocity requested, (l,), in the task's order."""
+        return frozen(self.requested - self.achieved[self.estimate.model.mechanism.task.rows])
 
     @property
     def state(self) -> State:
@@ -92,8 +88,8 @@ class Output:
         """Why it is in this state, and what else there is to know: a sentence."""
         parts = list(filter(None, (str(self.decision.reason), self.parking)))
         # No task velocity is no fault: it rests in the state it is in.
-        if self.state in MOVING and self.idle:
-            parts.append(self.idle)
+        if self.state in MOVING and self.no_request_reason:
+            parts.append(self.no_request_reason)
         elif self.state in MOVING and self.command.slowed:
             parts.append('slowed down near a singularity')
         if self.failures and self.state in (State.WAITING, State.HOLD):
@@ -102,60 +98,23 @@ class Output:
 
     @property
     def standstill(self) -> str:
-        """Why nothing moves although something is asked for; empty if it is not so."""
+        """Why nothing moves although motion is requested; empty if it is not so."""
         # This runs at every step: `any` of a list takes a fifth of what an array's takes.
-        if self.state not in MOVING or self.idle or any(self.rates.tolist()):
+        if self.state not in MOVING or self.no_request_reason or any(self.rates.tolist()):
             return ''
-        if not self.asked.any():
+        if not self.requested.any():
             return ''
         if self.saturation:
             return f'nothing moves: {", ".join(self.saturation)} at the end of the stroke'
-        return 'nothing moves: what is asked for is outside what the mechanism can do'
+        return 'nothing moves: the requested motion is not achievable with the remaining drives'
 
     @property
     def sensorless(self) -> tuple[str, ...]:
-        """Actuators that have failed, and whose encoders say nothing."""
-        names = self.estimate.model.mechanism.actuator_names
-        return tuple(name for name, yes in zip(names, self.silent.tolist(), strict=True) if yes)
+        """Actuators that have failed, not with their struts, and have no usable reading."""
+        names, flags = self.estimate.model.mechanism.actuator_names, self.sensorless_flags.tolist()
+        return tuple(name for name, yes in zip(names, flags, strict=True) if yes)
 
     @property
     def saturation(self) -> tuple[str, ...]:
         """Actuators that would have crossed a limit."""
         return self.command.saturated(self.estimate.model.mechanism.actuator_names)
-
-    @property
-    def post(self) -> PostFailure | None:
-        """Kinematics and verdict of the estimate by definition; None before there was any."""
-        return self.estimate.post if self.estimate.located else None
-
-    @property
-    def configuration(self) -> Configuration | None:
-        """The last configuration whose loops closed; None before there was any."""
-        return self.estimate.configuration if self.estimate.located else None
-
-
-@dataclass(frozen=True)
-class ClearOutcome:
-    """What clearing the failures did."""
-
-    success: bool
-    """Whether anything was released."""
-    message: str
-    """What was, what is still reported, and the state now."""
-
-
-def clear_outcome(
-    cleared: LedgerClear, seen: Sequence[str], lifted: bool, state: str
-) -> ClearOutcome:
-    """Return what a clear did: failures ``cleared``, a stop ``lifted``, and the ``state`` now.
-
-    What is still ``seen`` counts as still reported.
-    """
-    parts, remaining = [], dict.fromkeys([*cleared.remaining, *seen])
-    if cleared.released:
-        parts.append(f'released {", ".join(cleared.released)}')
-    if remaining:
-        parts.append(f'still reported: {", ".join(remaining)}')
-    if not parts:
-        parts.append('stop lifted' if lifted else 'nothing to release')
-    return ClearOutcome(bool(cleared.released) or lifted, f'{"; ".join(parts)}; now {state}')

@@ -44,7 +44,7 @@ def test_what_is_there_already_is_converted_once_that_is_allowed_or_needed():
     supervisor = running(braked(), 'advise')
     converter = supervisor.converter
     assert not converter.consider(report(supervisor, 'torque', 'theta_2', 1.0), 1.0)
-    supervisor.go_on_with(replace(supervisor.settings, convert='act'))
+    supervisor.apply_settings(replace(supervisor.settings, convert='act'))
     assert converter.consider(supervisor.step(1.1), 1.1)
     assert converter.engaged == ('theta_2',)
 
@@ -54,7 +54,7 @@ def test_what_is_there_already_is_converted_once_that_is_allowed_or_needed():
     output = report(supervisor, 'torque', 'theta_2', 1.0)
     assert output.state is State.DEGRADED
     assert not converter.consider(output, 1.0)
-    supervisor.go_on_with(replace(supervisor.settings, tolerance_threshold=0.6))
+    supervisor.apply_settings(replace(supervisor.settings, tolerance_threshold=0.6))
     output = supervisor.step(1.1)
     assert output.state is State.STOPPED
     assert converter.consider(output, 1.1)
