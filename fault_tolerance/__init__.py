@@ -54,7 +54,6 @@ from fault_tolerance.mechanism.generators import evenly_spaced_mirror
 
 if TYPE_CHECKING:
     from fault_tolerance.closed_loop import ClosedLoop, LoopSettings
-    from fault_tolerance.control.resolved_rate import ResolvedRate, resolved_rate
     from fault_tolerance.control.settings import Settings
     from fault_tolerance.control.supervisor import Supervisor
     from fault_tolerance.design.grids import Axis, Grid
@@ -66,6 +65,7 @@ if TYPE_CHECKING:
     from fault_tolerance.detection.isolability import Isolability, isolability
     from fault_tolerance.detection.monitor_settings import MonitorSettings
     from fault_tolerance.detection.responses import Sensors
+    from fault_tolerance.task_priority import ResolvedRate, resolved_rate
 
 __all__ = [
     'ArrayError', 'Axis', 'ClosedLoop', 'ClosureError', 'Configuration', 'EngineError',
@@ -89,14 +89,14 @@ _LAZY = {
     'Isolability': 'detection.isolability',
     'LoopSettings': 'closed_loop',
     'MonitorSettings': 'detection.monitor_settings',
-    'ResolvedRate': 'control.resolved_rate',
+    'ResolvedRate': 'task_priority',
     'Sensors': 'detection.responses',
     'Settings': 'control.settings',
     'Supervisor': 'control.supervisor',
     'best_design': 'design.optimum',
     'isolability': 'detection.isolability',
     'pose_measures': 'design.pose_measures',
-    'resolved_rate': 'control.resolved_rate',
+    'resolved_rate': 'task_priority',
     'specification_from_file': 'design.specification',
     'tolerance_map': 'design.maps',
     'widest_route': 'design.routes',

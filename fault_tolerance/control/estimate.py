@@ -93,11 +93,6 @@ class Estimate:
         return self.numbers[self.model.packed.pose].reshape((4, 4))
 
     @property
-    def joint_values(self) -> FloatArray:
-        """Joint values of all struts, (s, k), zero where padded."""
-        return self.arrays.values
-
-    @property
     def actuator_values(self) -> FloatArray:
         """Joint values of the actuators, (N,), consistent with the pose."""
         return self.arrays.actuators
@@ -106,7 +101,7 @@ class Estimate:
     def configuration(self) -> Configuration:
         """The configuration, by definition."""
         return placed_configuration(
-            self.model.mechanism, self.pose, self.joint_values, self.readings, self.failures.lost
+            self.model.mechanism, self.pose, self.arrays.values, self.readings, self.failures.lost
         )
 
     @cached_property

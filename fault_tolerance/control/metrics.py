@@ -177,14 +177,14 @@ def _with_measures(
         secondary_scale=command.secondary_scale,
         major_jump=command.major_jump,
         rate_jump=command.rate_jump,
-        out_of_range=monitor.out_of_range,
+        out_of_range=monitor.strokes.out_of_range,
         sensorless=output.sensorless,
         flexure_strain=estimate.flexure_strain,
         misfit=estimate.misfit,
         reconfiguration_time=output.reconfiguration_time,
         time_since_report=since_report if isfinite(since_report) else None,
         internal_force=monitor.internal_force if isfinite(monitor.internal_force) else None,
-        tracking_error=monitor.tracking_error,
+        tracking_error=monitor.tracking.error,
         worst_next=worst,
         worst_next_measure=worst_measure,
         position_tolerance=_least(position),
@@ -199,23 +199,15 @@ def _with_measures(
 def _actuators(
     output: Output, position: FloatArray, torque: FloatArray
 ) -> tuple[ActuatorMetrics, ...]:
-    estimate, failures = output.estimate, output.failures
-    mechanism, driving = estimate.model.mechanism, int(np.isfinite(torque).sum())
-    position_bound, torque_bound = measure_bounds(
-        driving, estimate.mobility, len(mechanism.task.major)
-    )
+    mechanism, driving = output.estimate.model.mechanism, int(np.isfinite(torque).sum())
+    p_bound, t_bound = measure_bounds(driving, output.estimate.mobility, len(mechanism.task.major))
+    measures = zip(mechanism.actuator_names, position.tolist(), torque.tolist(), strict=True)
     return tuple(
         ActuatorMetrics(
-            name,
-            failures.mode_of(mechanism, name).value,
-            _known(p),
-            _known(t),
-            _share(p, position_bound),
-            _share(t, torque_bound),
+            name, output.failures.mode_of(mechanism, name).value, _known(p), _known(t),
+            _share(p, p_bound), _share(t, t_bound),
         )
-        for name, p, t in zip(
-            mechanism.actuator_names, position.tolist(), torque.tolist(), strict=True
-        )
+        for name, p, t in measures
     )
 
 

@@ -131,21 +131,11 @@ class WarningMonitor:
         """N, as last observed; NaN where it is not known."""
         self.notices: tuple[Notice, ...] = ()
         """The warnings in force."""
-        self._strokes = StrokeCheck(mechanism)
-        self._tracking = Tracking(mechanism)
+        self.strokes = StrokeCheck(mechanism)
+        self.tracking = Tracking(mechanism)
         self._unsaturated_at = inf
         self._reading = 0
         self._others: dict[str, Notice] = {}
-
-    @property
-    def tracking_error(self) -> float:
-        """The largest difference of rates commanded and measured, m/s."""
-        return self._tracking.error
-
-    @property
-    def out_of_range(self) -> tuple[str, ...]:
-        """Actuators whose readings lie beyond their strokes."""
-        return self._strokes.out_of_range
 
     def observe(
         self, now: float, output: Output, internal_force: float
@@ -156,27 +146,27 @@ class WarningMonitor:
         """
         is_new, self._reading = output.reading != self._reading, output.reading
         readings = output.estimate.readings if is_new else None
-        strokes = () if readings is None else self._strokes.observe(readings)
-        self._tracking.observe(now, readings, output.rates)
+        strokes = () if readings is None else self.strokes.observe(readings)
+        self.tracking.observe(now, readings, output.rates)
         self.internal_force = internal_force
         before, self._others = self._others, {}
         for notice in self._warnings(now, output):
             # The words stay as they were first.
             self._others[notice.reason] = before.get(notice.reason, notice)
-        self.notices = (*self._strokes.notices, *self._others.values())
+        self.notices = (*self.strokes.notices, *self._others.values())
         new = (one for reason, one in self._others.items() if reason not in before)
         return (*strokes, *new)
 
     def _warnings(self, now: float, output: Output) -> Iterator[Notice]:
         settings = self.settings
-        if self._tracking.unfollowed > UNFOLLOWED_TIME:
+        if self.tracking.unfollowed > UNFOLLOWED_TIME:
             text = 'no drive follows the commands: is the drive controller active and subscribed?'
             yield Notice('not_followed', text, rejected=False)
         if output.standstill:
             yield Notice('standstill', output.standstill, rejected=False)
         for reason, value, limit, unit in (
             ('internal_force', self.internal_force, settings.internal_force_limit, 'N'),
-            ('tracking_error', self.tracking_error, settings.tracking_error_limit, 'm/s'),
+            ('tracking_error', self.tracking.error, settings.tracking_error_limit, 'm/s'),
         ):
             if 0.0 < limit < value:
                 text = f'{reason.replace("_", " ")} of {value:.3g} {unit} (limit {limit:g})'

@@ -29,6 +29,7 @@ LAYERS = {
     'detection': 4,
     'drive_rules': 4,
     'simulation': 4,
+    'task_priority': 4,
     'closed_loop': 5,
     'design': 5,
     'machines': 5,

@@ -147,7 +147,7 @@ def test_an_estimate_is_read_only_and_says_what_the_failures_leave():
 
     assert str(found) == 'theta_4 stuck; wx, wy retained, vz coupled'
     assert repr(found) == f'<Estimate of fsm_4_strut: {found}, mobility 2>'
-    for array in (found.pose, found.joint_values, found.arrays.jacobian, found.readings):
+    for array in (found.pose, found.arrays.values, found.arrays.jacobian, found.readings):
         with pytest.raises(ValueError, match='read-only'):
             array[...] = 0.0
 

@@ -16,7 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.campaign.cases import double_failures, is_tolerable, single_failures
-from fault_tolerance.control.resolved_rate import resolved_rate
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.supervisor import Supervisor
@@ -27,6 +26,7 @@ from fault_tolerance.kinematics.verdict import intolerance, tolerance_margins
 from fault_tolerance.mechanism.catalogue import mechanism_named, shipped_names
 from fault_tolerance.mechanism.configuration import fitted_configuration
 from fault_tolerance.resources import share_directory
+from fault_tolerance.task_priority import resolved_rate
 
 THRESHOLD = Settings().tolerance_threshold
 SHIPPED = tuple(shipped_names())

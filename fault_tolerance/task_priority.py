@@ -1,9 +1,10 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Resolved rates without limits, for users of the library: the law's task priority by itself.
+"""Resolved rates without limits, for users of the library: task priority by itself.
 
-The controller does not call it; its commands are in `fault_tolerance.control.rate_command`.
+It is that of the control law (kernel/law.py). The controller does not call this module; its
+commands, within all limits, are made in control/rate_command.py.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ class ResolvedRate:
     Attributes
     ----------
     velocity : (l,) array
-        What was asked for, in the task's order, rad/s and m/s.
+        The velocity requested, in the task's order, rad/s and m/s.
     rates : (N,) array
         Of all actuators, free ones as they follow.
     achieved, residual : (l,) arrays
-        The task velocity they give, and what is missing of the one asked for.
+        The task velocity they give, and what is missing of the requested one.
     twist : (d,) array
         The platform's twist they give.
     rank : int
@@ -83,7 +84,7 @@ def resolved_rate(
         If an array has the wrong shape or is not finite.
     """
     task, mapping = kinematics.task, kinematics.mapping
-    asked = frozen_array(velocity, (len(task.coordinates),), 'task velocity')
+    requested = frozen_array(velocity, (len(task.coordinates),), 'task velocity')
     scale = np.repeat([characteristic_length, 1.0], 3)
     drives = np.ones(len(mapping)) if rate_scale is None else rate_scale
     drives = frozen_array(drives, (len(mapping),), 'rate_scale')
@@ -99,16 +100,16 @@ def resolved_rate(
     follow = drives[:, None] * (kinematics.rate_map @ per_speed)
     motions = np.vstack([scale[:, None] * (twist @ per_speed), follow]).T.copy()
     work = np.ones(workspace_size(0, 0, len(drives), len(task.rows)))
-    wanted = asked_velocity(rows, asked, np.empty(len(asked)))
+    wanted = asked_velocity(rows, requested, np.empty(len(requested)))
     found = prioritised(work, rows, Law(), motions, wanted)
     reduced = per_speed @ (found.first + found.second)
     achieved = kinematics.jacobian @ reduced
     complete = len(task.major) <= kinematics.mobility
     return ResolvedRate(
-        asked,
+        requested,
         frozen(kinematics.rate_map @ reduced),
         frozen(achieved),
-        frozen(asked - achieved),
+        frozen(requested - achieved),
         frozen(twist @ reduced),
         int(found.driven),
         float(found.found.sigma[len(task.major) - 1]) if complete else 0.0,

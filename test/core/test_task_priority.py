@@ -11,7 +11,6 @@ from core.mechanisms import DOCUMENTS, by_numbers, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fault_tolerance.control.resolved_rate import resolved_rate
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.kernel.model import Law
 from fault_tolerance.kinematics.differential import differential_kinematics
@@ -19,6 +18,7 @@ from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.task_priority import resolved_rate
 
 FSM = mechanism_named('fsm_4_strut')
 ASKED = np.array([0.01, 0.02, 0.0])
