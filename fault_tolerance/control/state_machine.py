@@ -8,11 +8,12 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-Reason = object
-"""Why a condition holds, as `str` of it says; false if it does not hold.
+from fault_tolerance.control.estimate import Estimate
 
-A string as a rule. Any object is accepted, as an `Estimate`, which builds its text lazily in
-`__str__`: its verdict in words takes a millisecond.
+Reason = str | Estimate
+"""Why a condition holds, as `str` of it says; the empty string if it does not hold.
+
+An `Estimate` builds its text lazily in `__str__`: the verdict in words takes a millisecond.
 """
 
 NO_FAILURE = 'no failure'

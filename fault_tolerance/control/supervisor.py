@@ -207,11 +207,11 @@ class Supervisor:
         if now < self._now:
             self.restart_clock(now)
         self._now = now
-        ledger, readings, parking = self._ledger, self._readings, self._parking
-        failures, last, present = ledger.failures, self._command, self._estimate
-        command, requested, idle, stale = None, self._velocity.value, '', now > readings.deadline
+        readings, parking, stale = self._readings, self._parking, now > self._readings.deadline
+        failures, last, present = self._ledger.failures, self._command, self._estimate
+        command, requested, no_request = None, self._velocity.value, ''
         if requested is None or now > self._velocity.deadline:
-            requested, idle = self._velocity.zeros, self._velocity.missing_reason
+            requested, no_request = self._velocity.zeros, self._velocity.missing_reason
         try:
             # Also without a new reading: keeps the CPU cache warm for the step after a failure.
             if readings.value is not None and (self._outdated or not stale):
@@ -220,13 +220,13 @@ class Supervisor:
                 present = estimate(self._model, self._estimate_before, readings.value, failures)
                 self._estimate, self._estimated, self._outdated = present, self._accepted, False
             degraded = present if failures.parts else ''
-            stop = ledger.stop_reason or ('' if present.tolerated else degraded)
+            stop = self._ledger.stop_reason or ('' if present.tolerated else degraded)
             hold: Reason = ', '.join(sorted(self._pauses)) or readings.rejection_reason
             hold = hold or (readings.missing_reason if stale else present.hold_reason)
             hold = hold or ('' if present.tolerated or degraded else present)
             if present.located and not (stop or hold or self._machine.stop):
                 velocity = requested
-                if self.secondary.active and not idle:
+                if self.secondary.active and not no_request:
                     velocity = self.secondary.velocity(requested, present, now)
                 command = rate_command(self._model, present, velocity, last, now)
                 hold = command.hold_reason
@@ -241,7 +241,7 @@ class Supervisor:
         except Exception as error:  # whatever it is, the mechanism must come to rest
             self._errors += 1
             text = _text_of(error)
-            stop = text if self._errors >= MOST_ERRORS else ledger.stop_reason
+            stop = text if self._errors >= MOST_ERRORS else self._ledger.stop_reason
             decision, command = self._machine.decide(stop, text, '', ''), None
             parking.end()
         moving = decision.state in (*MOVING, State.STOPPED)
@@ -254,8 +254,8 @@ class Supervisor:
             self._reconfiguration_time = self.settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
-            command, decision, failures, self._estimate, self._estimated, requested, idle,
-            stale or readings.value is None, self._reconfiguration_time,
+            command, decision, failures, self._estimate, self._estimated, requested,
+            no_request, stale or readings.value is None, self._reconfiguration_time,
             readings.sensorless, self._monitor.notices, parking.text,
         )
         return self.output
