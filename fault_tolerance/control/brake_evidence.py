@@ -29,10 +29,11 @@ TRAVEL_PER_NOISE = 200.0
 """Standard deviations of the noise that the travel must be."""
 
 ABRUPT = 1.25
-"""The time from half of the travel to all of it (less `TRAVEL_BAND`), over that of the first half.
+"""The time that the second half of the travel takes, over that of the first half.
 
-Steady motion that is cut off has 0.96, and less if it gets faster. What comes to rest by itself
-takes longer: 1.6 at a turning point, 1.9 by friction, 2.5 and more on a damped spring.
+Both are less `TRAVEL_BAND`; standing before the motion does not count. Steady motion that is cut
+off has 1, and less if it gets faster. What comes to rest by itself takes longer: 1.7 at a turning
+point, 2 by friction, 2.8 and more on a damped spring.
 """
 
 LEAST_STAND = 0.3
@@ -116,17 +117,18 @@ class BrakeEvidence:
         if self.travel < TRAVEL_PER_NOISE * noise or not self.has_moved or self._at_an_end(end):
             return False
         band = max(NOISE_BAND * noise, TRAVEL_BAND * self.travel)
-        moving = np.flatnonzero(np.abs(values - end) > band)
-        last = int(moving[-1]) if len(moving) else 0
-        if not _LEAST_READINGS - 1 <= last < len(values) - _LEAST_READINGS:
+        gone, left = np.abs(values - values[0]), np.abs(values - end)
+        # The last reading before it began to move, and before it stood.
+        first, last = int(np.argmax(gone > band)) - 1, int(np.flatnonzero(left > band)[-1])
+        if last - first < _LEAST_READINGS or last >= len(values) - _LEAST_READINGS:
             return False
-        left = np.abs(values[: last + 2] - end)
-        half, whole = _fallen(times, left, 0.5 * self.travel), _fallen(times, left, band)
-        first = half - times[0]
+        middle = int(np.flatnonzero(left > 0.5 * self.travel)[-1])
+        begun, whole = _crossing(times, gone, first, band), _crossing(times, left, last, band)
+        half = _crossing(times, left, middle, 0.5 * self.travel)
         stood = times[-1] - times[last + 1]
         held = bool(
             whole >= engaged_at
-            and whole - half <= ABRUPT * first
+            and whole - half <= ABRUPT * (half - begun)
             and stood >= max(LEAST_STAND, STAND_PER_MOTION * (whole - times[0]))
         )
         self.held_at = end if held else None
@@ -145,9 +147,7 @@ def _noise(values: FloatArray) -> float:
     return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0))
 
 
-def _fallen(times: FloatArray, left: FloatArray, limit: float) -> float:
-    """Return at which of the ``times`` what is ``left`` (k,) falls below a ``limit`` at last."""
-    before = int(np.flatnonzero(left > limit)[-1])
-    above, below = left[before: before + 2]
-    passed = times[before + 1] - times[before]
-    return float(times[before] + (above - limit) / (above - below) * passed)
+def _crossing(times: FloatArray, ways: FloatArray, index: int, limit: float) -> float:
+    """Return when ``ways`` (k,) pass a ``limit``, between ``index`` and the next of the times."""
+    share = (limit - ways[index]) / (ways[index + 1] - ways[index])
+    return float(times[index] + share * (times[index + 1] - times[index]))

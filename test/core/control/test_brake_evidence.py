@@ -82,6 +82,24 @@ def test_what_comes_to_rest_by_itself_is_not_held(way, noise):
         assert shown_after(ending(way, time), noise, seed=round(1e3 * time)) is None
 
 
+@pytest.mark.parametrize('begin', [0.004, 0.013, 0.3, 1.0])
+@pytest.mark.parametrize('way', ['spring', 'damped spring', 'friction', 'swinging to rest'])
+def test_what_stands_first_and_slips_then_is_not_held(way, begin):
+    """Standing before the motion makes its end no more abrupt, nor do few readings of it."""
+    for period in (0.01, 0.05):
+        for time in (0.024, 0.036, 0.06, 0.136, 0.2, 0.6):
+            course = ending(way, time)
+            for delay in (begin, begin + 0.7 * period):
+                assert shown_after(
+                    lambda t, course=course, delay=delay: course(max(t - delay, 0.0)),
+                    seconds=4.0 * (time + delay) + 1.5, period=period) is None
+
+
+def test_what_stands_first_and_is_stopped_then_is_held():
+    found = shown_after(lambda t: 3e-4 * min(max(t - 0.3, 0.0), 0.1), seconds=3.0)
+    assert found == pytest.approx(0.4 + 1.2, abs=0.04)
+
+
 @pytest.mark.parametrize(('stroke', 'at'), [
     ((-np.inf, 0.6e-3), 0.57e-3), ((-0.6e-3, np.inf), -0.57e-3),
 ])
