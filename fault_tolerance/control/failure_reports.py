@@ -63,10 +63,10 @@ class Statement(NamedTuple):
 
 
 def part_names(mechanism: Mechanism) -> dict[str, str]:
-    """Return the actuator or strut of ``mechanism`` by each hardware id that stands for it.
+    """Return the actuators and struts of ``mechanism`` by the hardware ids that mean them.
 
-    That is its own name, and for an actuator that of its joint in joint states, where no other
-    part is named so.
+    These are their own names, and for an actuator also that of its joint in joint states, unless
+    another part has that name.
     """
     joints = zip(mechanism.joint_state_names, mechanism.actuator_names, strict=True)
     parts = (*mechanism.actuator_names, *mechanism.strut_names)
@@ -74,9 +74,9 @@ def part_names(mechanism: Mechanism) -> dict[str, str]:
 
 
 def target_of(hardware_id: str, prefix: str, names: Mapping[str, str]) -> str | None:
-    """Return the actuator or strut, of ``names`` by hardware id, that ``hardware_id`` means.
+    """Return the actuator or strut that a ``hardware_id`` means, by ``names`` (see `part_names`).
 
-    None where it means none of them, or carries the prefix of another robot than ``prefix``.
+    None where it means none of them, or has the prefix of another robot than ``prefix``.
     """
     if hardware_id in names:
         return names[hardware_id]
@@ -96,20 +96,14 @@ def is_foreign(hardware_id: str, prefix: str) -> bool:
 
 
 def report_of(
-    name: str,
-    hardware_id: str,
-    level: int,
-    mode: str | None,
-    stamp: float | None,
-    *,
-    prefix: str,
-    names: Mapping[str, str],
+    name: str, hardware_id: str, level: int, mode: str | None, stamp: float | None,
+    *, prefix: str, names: Mapping[str, str],
 ) -> Report | None:
-    """Return the report a diagnostic status makes.
+    """Return the report a diagnostic status makes; None if it is none, or for another robot.
 
     From its ``name``, ``hardware_id`` and ``level``, the value ``mode`` of its key
     ``failure_mode`` (None where it has no such key) and its ``stamp``, see `Report`; ``prefix``
-    and ``names`` as in `target_of`. None where it is no failure report, or for another robot.
+    and ``names`` as in `target_of`.
     """
     if mode is None:
         return None
@@ -150,17 +144,14 @@ def interpret(
             actuators_hit(mechanism, mode, target)
         except FailureError as error:
             return None, (Notice('refused_mode', f'{statement.text}: {error}', part=target),)
-    return statement, _level_notices(report, statement)
-
-
-def _level_notices(report: Report, statement: Statement) -> tuple[Notice, ...]:
+    notices: tuple[Notice, ...] = ()
     if report.level not in (OK, WARN, ERROR):
         text = f'{statement.text} came with level {report.level}, taken as ERROR (2)'
-        return (Notice('odd_level', text, False, statement.target),)
-    if report.level == OK and statement.mode is not FailureMode.NONE:
+        notices = (Notice('odd_level', text, False, target),)
+    elif report.level == OK and mode is not FailureMode.NONE:
         text = (
             f'{statement.text} came with level OK and is applied; on a command line write '
             '`level: [2]`, as `level: 2` arrives as 0'
         )
-        return (Notice('level_ok', text, False, statement.target),)
-    return ()
+        notices = (Notice('level_ok', text, False, target),)
+    return statement, notices

@@ -19,7 +19,6 @@ from fault_tolerance.tolerances import FARTHEST
 LARGEST_EFFORT = 1e12
 """N or N m; squares of what drivers leave in a field that they do not fill would overflow."""
 
-
 Reading = tuple[FloatArray | None, Notice | None]
 """Joint values (N,) in the mechanism's order, NaN where there is no reading; and why there are no
 values: None if the message has no joint of this mechanism, or is one part of several."""
@@ -46,11 +45,8 @@ class JointStateReader:
         """Whether there has been a message with only some of the joints."""
 
     def readings(
-        self,
-        names: Sequence[str],
-        positions: Sequence[float],
-        failed: Collection[str] = (),
-        now: float = 0.0,
+        self, names: Sequence[str], positions: Sequence[float],
+        failed: Collection[str] = (), now: float = 0.0,
     ) -> Reading:
         """Return the joint values that one more joint state completes, or why there are none.
 
@@ -101,9 +97,7 @@ class JointStateReader:
 
 
 def _read(
-    mechanism: Mechanism,
-    names: Sequence[str],
-    positions: Sequence[float],
+    mechanism: Mechanism, names: Sequence[str], positions: Sequence[float],
     failed: Collection[str],
 ) -> tuple[Reading, FloatArray | None]:
     """Return the reading of one message, and what there is (N,) where some joints are missing."""

@@ -78,9 +78,6 @@ class SecondaryMotion:
         """Whether it still changes the velocity (climbing or fading out)."""
         self.switch(climbs)
 
-    def __repr__(self) -> str:
-        return f'SecondaryMotion({self._mechanism.name!r}, share {self._share:.2f})'
-
     def switch(self, climbs: bool) -> None:
         """Climb from now on, or follow, as ``climbs`` says; one fades into the other."""
         self._climbs = climbs and len(self._places) > 0
