@@ -101,7 +101,7 @@ class FailureConverter:
             return None
         self._reading = output.reading
         for name, evidence in self._evidence.items():
-            value = float(output.estimate.readings[self._mechanism.actuator_index(name)])
+            value = float(output.encoder_values[self._mechanism.actuator_index(name)])
             if name in failures.stuck and evidence.refutes(value):
                 return Report((CONVERSION, name), name, FailureMode.TORQUE.value, ERROR, now)
             if name in failures.free:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from math import inf, isfinite, isinf, pi
 
 import numpy as np
@@ -29,8 +29,8 @@ drives that turn."""
 
 FROZEN_READINGS = 3
 """Readings in a row that the encoder of a limp drive repeats while others change, after which it
-counts as sensorless: but not while a brake is engaged, as what it holds stands still. An encoder
-that was sensorless before stays so until its reading changes."""
+counts as sensorless. A drive that its brake holds may do that too: `BrakeEvidence` goes by what is
+read, `encoder_values`."""
 
 WHOLE_TURNS = 0.02
 """Share of a turn by which a jump may differ from whole turns to be called a wrap."""
@@ -64,15 +64,14 @@ class ReadingFilter(TimedInput):
         self._periods = np.array([one.period for one in drives])
         self._wraps = bool(np.isfinite(self._periods).any())
         self._last_places = np.zeros(len(drives))
-        self._last_values, self._last_readings = np.full((2, len(drives)), np.nan)
+        self._last_values, self.encoder_values = np.full((2, len(drives)), np.nan)
+        """(N,): the last accepted values, also those of sensorless drives."""
         self._repeats = np.zeros(len(drives), np.intp)
         self._none: BoolArray = frozen(np.zeros(len(drives), bool))
         self._received_at = self._rejected_at = -inf
         self._jumping_since = inf
         self.moving = False
         """Whether the mechanism moves on command: else by hand, perhaps."""
-        self.braked: Collection[str] = ()
-        """Actuators whose brakes are engaged."""
         self.rejection_reason = ''
         """Why readings are rejected, where that has lasted; empty otherwise."""
         self.sensorless = self._none
@@ -129,15 +128,11 @@ class ReadingFilter(TimedInput):
             jumps[self._free + self._off] = False
             if jumps.any():
                 return self._rejection(value, jumps, now, passed)
+        last_read, self.encoder_values = self.encoder_values, value
         if self._stuck or self._free:
-            same = value == self._last_readings
+            same = value == last_read
             if not same.all():
-                repeats = np.where(same, self._repeats + 1, 0)
-                for index in self._free:
-                    if same[index] and self._mechanism.actuators[index].name in self.braked:
-                        repeats[index] = self._repeats[index]
-                self._repeats = repeats
-            self._last_readings = value
+                self._repeats = np.where(same, self._repeats + 1, 0)
             absent, plausible = np.isnan(value), False
             absent[self._free] |= self._repeats[self._free] >= FROZEN_READINGS
             last = np.where(absent, self._last_values, value)

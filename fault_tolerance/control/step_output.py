@@ -42,6 +42,8 @@ class Output:
     followed it; 0 before there was one, or without a clock."""
     sensorless_flags: BoolArray
     """(N,): actuators that have failed, not with their struts, and have no usable reading."""
+    encoder_values: FloatArray
+    """(N,): the last accepted joint values, also those of sensorless drives and lost struts."""
     warnings: tuple[Notice, ...]
     """Those in force, as far as `Supervisor.watch` has found them."""
     parking: str = ''

@@ -125,7 +125,6 @@ class Supervisor:
             notice = unusable(self.mechanism, taken, self._ledger.failures.parts)
             taken[~(np.abs(taken) <= FARTHEST)] = np.nan
         taken.setflags(write=False)
-        self._readings.braked = self.converter.engaged
         try:
             notice = notice or self._readings.offer(taken, now, stamp)
         except Exception as error:  # unwrapping makes estimates, which may fail
@@ -256,7 +255,7 @@ class Supervisor:
         self.output = Output(
             command, decision, failures, self._estimate, self._estimated, requested,
             no_request, stale or readings.value is None, self._reconfiguration_time,
-            readings.sensorless, self._monitor.notices, parking.text,
+            readings.sensorless, readings.encoder_values, self._monitor.notices, parking.text,
         )
         return self.output
 
