@@ -28,7 +28,7 @@ TRAVEL_BAND = 0.02
 TRAVEL_PER_NOISE = 200.0
 """Standard deviations of the noise that the travel must be."""
 
-ABRUPT = 1.25
+ABRUPT = 1.15
 """The time that the second half of the travel takes, over that of the first half.
 
 Both are less `TRAVEL_BAND`; standing before the motion does not count. Steady motion that is cut
