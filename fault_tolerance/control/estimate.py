@@ -19,7 +19,7 @@ from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.kinematics.verdict import intolerance
-from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray, frozen
 from fault_tolerance.mechanism.configuration import Configuration, placed_configuration
 
 if TYPE_CHECKING:
@@ -136,12 +136,14 @@ def estimate(
     flags = before.flags
     if failures is not before.failures:
         names, struts = model.mechanism.actuator_names, model.mechanism.strut_names
-        flags = np.zeros(len(flags))
-        drives = flags[len(struts) :].reshape((2, len(names)))
-        flags[[*map(struts.index, failures.lost)]] = 1.0
-        drives[0, [*map(names.index, failures.stuck)]] = 1.0
-        drives[1, [*map(names.index, failures.free)]] = 1.0
-        flags.setflags(write=False)
+        broken = [0.0] * len(flags)
+        for name in failures.lost:
+            broken[struts.index(name)] = 1.0
+        for name in failures.stuck:
+            broken[len(struts) + names.index(name)] = 1.0
+        for name in failures.free:
+            broken[len(struts) + len(names) + names.index(name)] = 1.0
+        flags = frozen(np.array(broken))
     if failures.lost:
         values = np.where(flags[model.packed.view.chains.strut] != 0.0, np.nan, values)
     if values.flags.writeable:

@@ -106,7 +106,9 @@ class FailureLedger:
         message = self._statements(reports, now, notices)
         if message:
             self.heard = now
-        changes = [source for source, one in message.items() if self._latch(source, *one, notices)]
+        changes = False
+        for source, (stamp, statement) in message.items():
+            changes |= self._latch(source, stamp, statement, notices)
         if changes:
             self._refresh()
             if len(message) > 1:
@@ -205,11 +207,12 @@ class FailureLedger:
     def _refresh(self) -> None:
         """Derive what follows from the entries."""
         known, unknown = [], []
-        for said, *_ in self._entries.values():
-            if said.mode is None:
-                unknown.append(said.text)
+        for entry in self._entries.values():
+            target, mode, _ = entry.statement
+            if mode is None:
+                unknown.append(entry.statement.text)
             else:
-                known.append((said.mode, said.target))
+                known.append((mode, target))
         failures = failure_set(self._mechanism, known)
         if failures != self.failures:  # others compare it by identity
             self.failures = failures

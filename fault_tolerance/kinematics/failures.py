@@ -240,9 +240,9 @@ def actuators_named(mechanism: Mechanism, name: str) -> tuple[str, ...]:
 
     FailureError if there is none.
     """
-    _require_known(mechanism, name)
     if name in mechanism.actuator_names:
         return (name,)
+    _require_known(mechanism, name)
     actuators = mechanism.actuators_of(name)
     if not actuators:
         raise FailureError(name, 'the strut has no actuator', mechanism.actuator_names)
