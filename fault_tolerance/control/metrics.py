@@ -137,21 +137,21 @@ def metrics_of(output: Output, monitor: WarningMonitor, since_report: float) -> 
     message only, before anything is known or where the measures fail.
     """
     state, failures = output.state.value, tuple(map(str, output.failures.failures))
-    told = Metrics(state, state, output.level, failures)
+    metrics = Metrics(state, state, output.level, failures)
     try:
-        told = replace(told, message=f'{state}: {output.reason}')
+        metrics = replace(metrics, message=f'{state}: {output.reason}')
         if output.estimate.located:
-            told = _with_measures(told, output, monitor, since_report)
-        return told
+            metrics = _with_measures(metrics, output, monitor, since_report)
+        return metrics
     except Exception as error:  # the state must be told even if the measures fail
         text = clean(f'{type(error).__name__}: {error}')
-        return replace(told, message=f'{told.message}; no measures: {text}')
+        return replace(metrics, message=f'{metrics.message}; no measures: {text}')
 
 
 def _with_measures(
-    told: Metrics, output: Output, monitor: WarningMonitor, since_report: float
+    state: Metrics, output: Output, monitor: WarningMonitor, since_report: float
 ) -> Metrics:
-    """Return ``told``, state and message, with all the rest."""
+    """Return metrics with ``state``, message, level and failures as given, and all the rest."""
     estimate = output.estimate
     verdict, values = estimate.post.verdict, estimate.measures()
     retained, smallest, condition = motion_quality(estimate.post)
@@ -162,7 +162,7 @@ def _with_measures(
     if output.state is not State.STOPPED:
         worst, worst_measure = _worst(groups, *worst_failure(mechanism, position, torque, hard))
     return replace(
-        told,
+        state,
         mobility=verdict.mobility,
         lost=verdict.lost,
         gained=verdict.gained,

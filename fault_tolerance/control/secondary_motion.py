@@ -113,8 +113,8 @@ class SecondaryMotion:
 
         To be called after the command.
         """
-        present, idle = output.estimate, bool(output.no_request_reason)
-        if not self._climbs or output.failures.parts or idle or not present.located:
+        present, off = output.estimate, bool(output.no_request_reason) or not self._climbs
+        if off or output.failures.parts or not present.located:
             self._slopes[:] = 0.0
             return
         if 0.0 <= now - self._measured_at < MEASURING_PERIOD:
