@@ -19,7 +19,7 @@ from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
 from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.kinematics.verdict import intolerance
-from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray, frozen
+from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray
 from fault_tolerance.mechanism.configuration import Configuration, placed_configuration
 
 if TYPE_CHECKING:
@@ -143,7 +143,8 @@ def estimate(
             broken[len(struts) + names.index(name)] = 1.0
         for name in failures.free:
             broken[len(struts) + len(names) + names.index(name)] = 1.0
-        flags = frozen(np.array(broken))
+        flags = np.array(broken)
+        flags.setflags(write=False)
     if failures.lost:
         values = np.where(flags[model.packed.view.chains.strut] != 0.0, np.nan, values)
     if values.flags.writeable:
