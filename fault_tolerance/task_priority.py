@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fault_tolerance.kernel.law import asked_velocity, prioritised
-from fault_tolerance.kernel.model import Law, TaskRows
+from fault_tolerance.kernel.model import POOR_BELOW, SINGULAR_BELOW, TaskRows
 from fault_tolerance.kernel.workspace import workspace_size
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
@@ -101,7 +101,7 @@ def resolved_rate(
     motions = np.vstack([scale[:, None] * (twist @ per_speed), follow]).T.copy()
     work = np.ones(workspace_size(0, 0, len(drives), len(task.rows)))
     wanted = asked_velocity(rows, requested, np.empty(len(requested)))
-    found = prioritised(work, rows, Law(), motions, wanted)
+    found = prioritised(work, rows, motions, wanted, SINGULAR_BELOW, POOR_BELOW)
     reduced = per_speed @ (found.first + found.second)
     achieved = kinematics.jacobian @ reduced
     complete = len(task.major) <= kinematics.mobility

@@ -42,13 +42,9 @@ class ControlModel:
         return Estimate(self, FailureSet(), flags, none, frozen(numbers))
 
 
-def control_model(mechanism: Mechanism, settings: Settings, kernel: Kernel) -> ControlModel:
-    """Return the model of a ``mechanism`` under control, with ``settings`` and ``kernel``.
-
-    Margins from singularities are relative to home, where the mechanism is made to work. If home
-    is singular itself, as of a stretched arm, they are absolute (reference 1.0).
-    """
-    law = Law(
+def law_of(settings: Settings) -> Law:
+    """Return what the kernel needs to know of the ``settings``."""
+    return Law(
         misfit_limit=settings.misfit_limit,
         threshold=settings.tolerance_threshold,
         slow_below=settings.slow_below,
@@ -56,6 +52,15 @@ def control_model(mechanism: Mechanism, settings: Settings, kernel: Kernel) -> C
         stroke_gain=settings.stroke_gain,
         max_acceleration=settings.max_acceleration,
     )
+
+
+def control_model(mechanism: Mechanism, settings: Settings, kernel: Kernel) -> ControlModel:
+    """Return the model of a ``mechanism`` under control, with ``settings`` and ``kernel``.
+
+    Margins from singularities are relative to home, where the mechanism is made to work. If home
+    is singular itself, as of a stretched arm, they are absolute (reference 1.0).
+    """
+    law = law_of(settings)
     model = ControlModel(mechanism, settings, kernel, packed_model(mechanism, law))
     home = estimate(model, model.unknown, np.zeros(len(mechanism.actuators)), FailureSet())
     jacobian, task = home.arrays.jacobian, mechanism.task

@@ -14,11 +14,10 @@ from math import inf
 
 import numpy as np
 
-from fault_tolerance.control.control_model import ControlModel
+from fault_tolerance.control.control_model import ControlModel, law_of
 from fault_tolerance.control.estimate import Estimate
 from fault_tolerance.control.rate_command import RateCommand, rate_command
 from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.model import Law
 from fault_tolerance.kernel.packing import packed_model
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -124,12 +123,9 @@ class ParkMove:
         drives = [replace(one, velocity=SPEED * one.velocity) for one in mechanism.actuators]
         task = Task(mechanism.task.coordinates, tuple(mechanism.park))
         slow = replace(mechanism.with_actuators(drives), task=task)
-        settings, law = model.settings, Law()
-        law = law._replace(
-            stroke_gain=settings.stroke_gain, max_acceleration=settings.max_acceleration,
-            slow_below=0.0, hold_below=-1.0, singular_below=law.poor_below,
-        )
-        self._model = ControlModel(slow, settings, model.kernel, packed_model(slow, law))
+        law = law_of(model.settings)
+        law = law._replace(slow_below=0.0, hold_below=-1.0, singular_below=law.poor_below)
+        self._model = ControlModel(slow, model.settings, model.kernel, packed_model(slow, law))
 
     def command(self, estimate: Estimate, last: RateCommand, now: float) -> RateCommand | None:
         """Return the command ``now`` (s) at an ``estimate``, after the ``last`` one.

@@ -107,6 +107,7 @@ def closed(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) 
         if arrived and kept == before:
             outside, strain = _open_ways(m, e, structure, failed, kept)
             if outside <= CLOSURE_TOLERANCE:
+                m.work[0] = mark
                 return Closing(outside, strain, steps)
             if not outside <= STALLED * last:
                 break
@@ -118,6 +119,7 @@ def closed(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) 
         if taken == 0:
             break
         steps += taken
+    m.work[0] = mark
     return Closing(inf, inf, 0)
 
 
@@ -215,7 +217,10 @@ def _advance(
         joint_rates(m, e, failed, tips, rates, follow)
         for i in range(s):
             for j in range(joints[i]):
-                whole += abs(follow[i, j])
+                if failed[i] == 0.0:
+                    whole += abs(follow[i, j])
+                elif not isfinite(follow[i, j]):
+                    follow[i, j] = 0.0  # a lost strut may stay behind
         length = max(norm(twist), sqrt(square))
         if not isfinite(length + whole):
             return 0, False

@@ -26,6 +26,7 @@ from fault_tolerance.kernel.model import (
     CommandArrays,
     Model,
     command_of,
+    credible,
     estimate_of,
     model_of,
 )
@@ -74,10 +75,12 @@ def command(
     m = model_of(counts, numbers, work)
     last = command_of(copied(before, vector(work, len(before))))
     e = estimate_of(m, copied(estimated, vector(work, len(estimated))))
-    n, target = len(readings), copied(readings, vector(work, len(readings)))
+    n, target = len(readings), credible(readings, vector(work, len(readings)))
     kinematics = Kinematics(e.motions, e.driving, 0)
     asked = asked_velocity(m.task, velocity, vector(work, len(velocity)))
-    priority = prioritised(work, m.task, m.law, e.motions, asked)
+    priority = prioritised(
+        work, m.task, e.motions, asked, m.law.singular_below, m.law.poor_below
+    )
     for i in range(len(out)):
         out[i] = 0.0
     result = command_of(out)

@@ -16,6 +16,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from dis import get_instructions
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -248,10 +249,16 @@ def _inlined(functions: list[FunctionType]) -> set[FunctionType]:
     from a function.
     """
     callers = Counter(
-        one.__globals__.get(name) for one in functions for name in one.__code__.co_names
+        one.__globals__.get(name) for one in functions for name in _global_names(one)
         for _ in range(2 if one in _SIGNATURES else 1)
     )
     return {one for one in functions if callers[one] == 1} | set(_functions(workspace))
+
+
+def _global_names(function: FunctionType) -> set[str]:
+    """Return the globals that ``function`` uses; its ``co_names`` have attributes as well."""
+    steps = get_instructions(function)
+    return {step.argval for step in steps if step.opname == 'LOAD_GLOBAL'}
 
 
 def _copy(function: FunctionType) -> FunctionType:

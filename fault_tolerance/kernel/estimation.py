@@ -9,17 +9,23 @@ told among the results, and the others are valid.
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, isfinite
 
 from fault_tolerance.kernel import model as at
 from fault_tolerance.kernel.closing import Closing, closed, largest_misfit, place
 from fault_tolerance.kernel.factorisation import copied, decomposed, largest_of, rank_of
 from fault_tolerance.kernel.margins import columns_of, kinds_of, next_measures, present_measures
-from fault_tolerance.kernel.model import EstimateArrays, Model, estimate_of, model_of
+from fault_tolerance.kernel.model import (
+    EstimateArrays,
+    Model,
+    credible,
+    estimate_of,
+    model_of,
+)
 from fault_tolerance.kernel.motions import Kinematics
 from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.tolerances import COMPLIANCE_BAND, FARTHEST, JUMP, MISFIT_BAND
+from fault_tolerance.tolerances import COMPLIANCE_BAND, JUMP, MISFIT_BAND
 
 
 def estimate(
@@ -51,7 +57,7 @@ def estimate(
     work[0] = 1.0
     m = model_of(counts, numbers, work)
     failed = copied(failures, vector(work, len(failures)))
-    target = copied(readings, vector(work, len(readings)))
+    target = credible(readings, vector(work, len(readings)))
     start = copied(before, vector(work, len(before)))
     last, e = estimate_of(m, start), estimate_of(m, copied(start, out))
     found = _located(m, start, failed, target, out)
@@ -65,7 +71,7 @@ def estimate(
         facts[at.CONTRADICTORY] = 1.0 if facts[at.MISFIT] > limit else 0.0
     facts[at.UNREAD] = 0.0
     for j in range(len(strut)):
-        facts[at.UNREAD] += 0.0 if abs(target[j]) <= FARTHEST else 1.0
+        facts[at.UNREAD] += 0.0 if isfinite(target[j]) else 1.0
         e.actuators[j] = e.values[strut[j], joint[j]] if strut[j] >= 0 else 0.0
     present = _judged(m, e, last, failed)
     copied(failed, e.failed)
@@ -132,12 +138,13 @@ def _located(
         if found.steps == 0 or (other.steps > 0 and (off < misfit or off <= limit)):
             found, misfit = other, off
             copied(numbers, out)
-            far = _jumps(last, e, m.chains.length)
+            far = _jumps(last, e, failed, m.chains.length)
         if found.steps > 0 and not (misfit > limit or far):
             return found
     if found.steps == 0 or (misfit > limit and far):
         copied(start, out)
-        return Closing(0.0, 0.0, found.steps)
+        # The loops do close at these readings, but the place is the last one, with its strain.
+        return Closing(last.facts[at.OUTSIDE], last.facts[at.STRAIN], found.steps)
     return found
 
 
@@ -154,8 +161,13 @@ def _bring_home(m: Model, e: EstimateArrays) -> None:
     place(m, e)
 
 
-def _jumps(one: EstimateArrays, other: EstimateArrays, length: float) -> bool:
-    """Return whether two places are farther apart than a mechanism goes in one cycle."""
+def _jumps(
+    one: EstimateArrays, other: EstimateArrays, failed: FloatArray, length: float
+) -> bool:
+    """Return whether two places are farther apart than a mechanism goes in one cycle.
+
+    A lost strut does not count: it only follows the platform, and may swing any way.
+    """
     shift = turn = 0.0
     for i in range(3):
         shift += (one.pose[i, 3] - other.pose[i, 3]) ** 2
@@ -165,7 +177,7 @@ def _jumps(one: EstimateArrays, other: EstimateArrays, length: float) -> bool:
         return True
     for s in range(len(one.values)):
         for j in range(one.values.shape[1]):
-            if abs(one.values[s, j] - other.values[s, j]) > JUMP:
+            if failed[s] == 0.0 and abs(one.values[s, j] - other.values[s, j]) > JUMP:
                 return True
     return False
 

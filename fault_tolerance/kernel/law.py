@@ -42,7 +42,7 @@ from fault_tolerance.kernel.factorisation import (
     solved,
 )
 from fault_tolerance.kernel.margins import columns_of
-from fault_tolerance.kernel.model import CommandArrays, Drives, Law, Model, TaskRows
+from fault_tolerance.kernel.model import CommandArrays, Drives, Model, TaskRows
 from fault_tolerance.kernel.motions import Kinematics
 from fault_tolerance.kernel.workspace import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -89,12 +89,17 @@ def asked_velocity(task: TaskRows, velocity: FloatArray, out: FloatArray) -> Flo
 
 
 def prioritised(
-    work: FloatArray, task: TaskRows, law: Law, motions: FloatArray, asked: FloatArray
+    work: FloatArray,
+    task: TaskRows,
+    motions: FloatArray,
+    asked: FloatArray,
+    singular_below: float,
+    poor_below: float,
 ) -> Priority:
     """Return the reduced rates of ``motions`` for a task velocity ``asked`` (l,): step 1.
 
-    The velocity is of the ``task``, m/s; ``law`` says what is too poor to be driven. The results
-    are parts of ``work``.
+    The velocity is of the ``task``, m/s. Transmissions up to ``singular_below``, and secondary
+    ones up to ``poor_below`` of the best, are not driven. The results are parts of ``work``.
     """
     n, m, q = len(motions), len(task.major), len(task.secondary)
     first, second, wanted, driven = vector(work, n), vector(work, n), vector(work, m), 0
@@ -102,7 +107,7 @@ def prioritised(
     found = decomposed(work, major)
     for c in range(n):
         second[c] = 0.0
-        if found.sigma[c] > law.singular_below:
+        if found.sigma[c] > singular_below:
             driven += 1
     for i in range(m):
         wanted[i] = asked[task.major[i]]
@@ -111,7 +116,7 @@ def prioritised(
     rank = rank_of(found.sigma, max(1.0, best))
     if rank < n and q > 0:
         columns = columns_of(task, motions, task.secondary, False, matrix(work, n, q))
-        least, missing = max(law.singular_below, law.poor_below * best), vector(work, q)
+        least, missing = max(singular_below, poor_below * best), vector(work, q)
         for i in range(q):
             missing[i] = asked[task.secondary[i]] - along(columns, first, i)
         free = product(found.right, rank, columns, matrix(work, n - rank, q))

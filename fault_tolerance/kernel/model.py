@@ -13,9 +13,11 @@ along with it, scaled to metres per second.
 
 from __future__ import annotations
 
+from math import nan
 from typing import NamedTuple
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
+from fault_tolerance.tolerances import FARTHEST
 
 SIZES, SCALARS = 6, 13
 """How many sizes, and single numbers, are at the head of a model."""
@@ -74,40 +76,44 @@ class TaskRows(NamedTuple):
     measure: FloatArray
 
 
+SINGULAR_BELOW, POOR_BELOW = 5e-4, 0.05
+"""Transmissions not driven: of any direction, and of a secondary one relative to the best."""
+
+
 class Law(NamedTuple):
     """The settings of estimate, verdict and control law.
 
     Attributes
     ----------
-    compliance, closing_compliance : float
-        Singular values up to which structural constraints count as absorbed by the flexures:
-        for the verdict, and while loops are closed.
     misfit_limit : float
         Metres by which redundant readings may contradict each other.
     threshold : float
         The tolerance threshold.
-    singular_below, poor_below : float
-        Transmissions not driven: of any direction, and of a secondary one relative to the best.
     slow_below, hold_below : float
         Margins from singularities at which motion slows down, and ends.
     stroke_gain : float
         Speed per distance left towards the ends of a stroke, 1/s.
     max_acceleration : float
         Of the norm of all rates while a transition lasts, m/s^2.
+    compliance, closing_compliance : float
+        Singular values up to which structural constraints count as absorbed by the flexures:
+        for the verdict, and while loops are closed.
+    singular_below, poor_below : float
+        Transmissions not driven: of any direction, and of a secondary one relative to the best.
     home_transmission, home_gain : float
         What margins are measured by: transmission and platform gain at home.
     """
 
+    misfit_limit: float
+    threshold: float
+    slow_below: float
+    hold_below: float
+    stroke_gain: float
+    max_acceleration: float
     compliance: float = 0.0
     closing_compliance: float = 0.0
-    misfit_limit: float = 5e-3
-    threshold: float = 0.01
-    singular_below: float = 5e-4
-    poor_below: float = 0.05
-    slow_below: float = 5e-3
-    hold_below: float = 5e-4
-    stroke_gain: float = 10.0
-    max_acceleration: float = 10.0
+    singular_below: float = SINGULAR_BELOW
+    poor_below: float = POOR_BELOW
     home_transmission: float = 1.0
     home_gain: float = 1.0
 
@@ -152,6 +158,13 @@ def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     drives = Drives(v[p[2] : p[3]], v[p[5] : p[6]], v[p[6] : p[7]], v[p[7] : p[8]])
     motions = v[p[8] : p[9]].reshape((given, 6 + n))
     return Model(chains, drives, task, law, motions, counts[b : b + ESTIMATED], work)
+
+
+def credible(readings: FloatArray, out: FloatArray) -> FloatArray:
+    """Write ``readings`` (N,) to ``out``, NaN for any that cannot be true; return ``out``."""
+    for j in range(len(readings)):
+        out[j] = readings[j] if abs(readings[j]) <= FARTHEST else nan
+    return out
 
 
 FACTS = 21

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.errors import ArrayError
-from fault_tolerance.kernel.model import Law
+from fault_tolerance.kernel.model import POOR_BELOW, SINGULAR_BELOW
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
@@ -22,7 +22,6 @@ from fault_tolerance.task_priority import resolved_rate
 
 FSM = mechanism_named('fsm_4_strut')
 ASKED = np.array([0.01, 0.02, 0.0])
-SINGULAR_BELOW, POOR_BELOW = Law().singular_below, Law().poor_below
 
 
 def kinematics(mechanism, *failures):

@@ -39,7 +39,8 @@ class Limited:
         work = MODEL.packed.work
         work[0] = 1.0
         wanted = asked_velocity(task, np.array(asked, float), np.empty(len(asked)))
-        whole = prioritised(work, task, law, found.motions, wanted)
+        whole = prioritised(
+            work, task, found.motions, wanted, law.singular_below, law.poor_below)
         low, high = (np.broadcast_to(np.asarray(one, float), (4,)) for one in (low, high))
         within = limited(
             work, DRIVES, found.motions, whole.first, whole.second, -low, high, scale)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The kernel says what the definitions say, for every mechanism and any failures."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -152,3 +153,25 @@ def test_there_is_room_for_many_drives_in_series_and_for_long_struts():
         assert found.located
         found.measures()
         assert np.flatnonzero(~np.isnan(work)).max() < 0.95 * len(work)
+
+
+SENTINEL = 12345.678
+
+
+def test_machine_code_writes_nothing_behind_its_workspace():
+    """It would overwrite whatever comes next in memory, and say nothing."""
+    for mechanism in [*SHIPPED, *OTHERS, drives_in_series(2), drives_in_series(12)]:
+        model, rng = modelled(mechanism, best_kernel()), np.random.default_rng(7)
+        count, size = len(mechanism.actuators), len(model.packed.work)
+        room = np.full(size + 1000, SENTINEL)
+        model = replace(model, packed=replace(model.packed, work=room[:size]))
+        asked, found = np.ones(len(mechanism.task.coordinates)), model.unknown
+        command = initial_command(model)
+        for number, failures in enumerate(failure_sets(mechanism, rng, 3, 3)):
+            for values in (np.zeros(count), np.full(count, 50.0), rng.normal(size=count)):
+                found = estimate(model, found, values, failures)
+                assert (room[size:] == SENTINEL).all(), mechanism.name
+                command = rate_command(model, found, asked, command, 1e-3 * number)
+                assert (room[size:] == SENTINEL).all(), mechanism.name
+                found.measures()
+                assert (room[size:] == SENTINEL).all(), mechanism.name

@@ -17,6 +17,7 @@ from fault_tolerance.kernel import compilation
 from fault_tolerance.kernel.compilation import (
     MODULES,
     SWITCH,
+    _inlined,
     best_kernel,
     cache_folder,
     can_be_kept,
@@ -127,6 +128,14 @@ def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(place, tmp_path):
     kept = [line for line in lines if line.startswith('keeps')]
     assert all(line.startswith(f'keeps {tmp_path}/fault_tolerance/') for line in kept)
     assert len(kept) == (0 if place == 'nowhere' else 4)
+
+
+def test_a_field_of_the_same_name_is_no_call():
+    """Only a function with one caller becomes part of it."""
+    names = {}
+    exec('def called(): pass\ndef caller(): called()\ndef reader(view): view.called', names)
+    chosen = _inlined([names[name] for name in ('called', 'caller', 'reader')])
+    assert names['called'] in chosen
 
 
 def test_the_module_compiles_ahead_of_time():
