@@ -12,8 +12,8 @@ import numpy as np
 
 from fault_tolerance.control.estimate import Estimate, estimate
 from fault_tolerance.control.settings import Settings
+from fault_tolerance.kernel.array_layout import Law, estimate_of
 from fault_tolerance.kernel.compilation import Kernel
-from fault_tolerance.kernel.model import Law, estimate_of
 from fault_tolerance.kernel.packing import PackedModel, packed_model
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import frozen

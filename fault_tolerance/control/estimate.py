@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fault_tolerance.control.joint_states import unusable
-from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.model import EstimateArrays, estimate_of
+from fault_tolerance.kernel import array_layout as at
+from fault_tolerance.kernel.array_layout import EstimateArrays, estimate_of
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.kinematics.reconfiguration import PostFailure, reconfigured
@@ -41,7 +41,7 @@ class Estimate:
     readings: FloatArray
     """(N,): what it was made from; NaN in lost struts."""
     numbers: FloatArray
-    """The kernel's result, see `fault_tolerance.kernel.model.EstimateArrays`."""
+    """The kernel's result, see `fault_tolerance.kernel.array_layout.EstimateArrays`."""
     located: bool = False
     """Whether the loops have closed, now or before."""
     hold_reason: str = ''

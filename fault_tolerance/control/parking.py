@@ -17,7 +17,7 @@ import numpy as np
 from fault_tolerance.control.control_model import ControlModel, law_of
 from fault_tolerance.control.estimate import Estimate
 from fault_tolerance.control.rate_command import RateCommand, rate_command
-from fault_tolerance.kernel import model as at
+from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.packing import packed_model
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray

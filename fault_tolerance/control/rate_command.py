@@ -16,8 +16,8 @@ import numpy as np
 from fault_tolerance.control.control_model import ControlModel
 from fault_tolerance.control.estimate import Estimate
 from fault_tolerance.control.estimate import estimate as estimated
-from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.model import command_of, command_size
+from fault_tolerance.kernel import array_layout as at
+from fault_tolerance.kernel.array_layout import command_of, command_size
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.arrays import FloatArray, frozen
 from fault_tolerance.tolerances import NEGLIGIBLE_RATE, OBSTACLE_BAND
@@ -39,7 +39,7 @@ class RateCommand:
     failures: FailureSet
     """Those it was made with."""
     numbers: FloatArray
-    """The kernel's result, see `fault_tolerance.kernel.model.CommandArrays`."""
+    """The kernel's result, see `fault_tolerance.kernel.array_layout.CommandArrays`."""
     hold_reason: str = ''
     """Why the mechanism is too near a singularity to move; empty if it is not."""
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
-from fault_tolerance.kernel.elimination import factorise, joint_rates
-from fault_tolerance.kernel.factorisation import (
+from fault_tolerance.kernel.array_layout import EstimateArrays, Model
+from fault_tolerance.kernel.jacobi_svd import (
     Decomposition,
     along,
     combined,
@@ -28,7 +28,6 @@ from fault_tolerance.kernel.factorisation import (
     rank_of,
     solved,
 )
-from fault_tolerance.kernel.model import EstimateArrays, Model
 from fault_tolerance.kernel.motions import (
     Structure,
     allowed_motions,
@@ -39,8 +38,9 @@ from fault_tolerance.kernel.motions import (
     size_of,
     structure_of,
 )
-from fault_tolerance.kernel.placement import displace, place_struts
-from fault_tolerance.kernel.workspace import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.strut_poses import displace, place_struts
+from fault_tolerance.kernel.strut_qr import factorise, joint_rates
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import (
     CHORD_FIT,

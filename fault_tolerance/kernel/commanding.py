@@ -10,8 +10,16 @@ from __future__ import annotations
 
 from math import isfinite
 
-from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.factorisation import along, combined, copied, dot, norm
+from fault_tolerance.kernel import array_layout as at
+from fault_tolerance.kernel.array_layout import (
+    CommandArrays,
+    Model,
+    command_of,
+    credible,
+    estimate_of,
+    model_of,
+)
+from fault_tolerance.kernel.jacobi_svd import along, combined, copied, dot, norm
 from fault_tolerance.kernel.law import (
     Priority,
     asked_velocity,
@@ -22,16 +30,8 @@ from fault_tolerance.kernel.law import (
     rate_bounds,
     scaled_rates,
 )
-from fault_tolerance.kernel.model import (
-    CommandArrays,
-    Model,
-    command_of,
-    credible,
-    estimate_of,
-    model_of,
-)
 from fault_tolerance.kernel.motions import Kinematics, size_of
-from fault_tolerance.kernel.workspace import vector
+from fault_tolerance.kernel.scratch import vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import NEGLIGIBLE_RATE, OBSTACLE_BAND, SAME_COMMAND
 

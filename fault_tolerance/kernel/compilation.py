@@ -26,25 +26,25 @@ from typing import Any
 
 from fault_tolerance import tolerances
 from fault_tolerance.kernel import (
+    array_layout,
     closing,
     commanding,
-    elimination,
     estimation,
     evidence,
-    factorisation,
+    failure_measures,
+    jacobi_svd,
     law,
-    margins,
-    model,
     motions,
-    placement,
-    workspace,
+    scratch,
+    strut_poses,
+    strut_qr,
 )
 
 MODULES: tuple[ModuleType, ...] = (
-    workspace, factorisation, model, placement, elimination, motions, closing, margins, law,
-    estimation, commanding, evidence,
+    scratch, jacobi_svd, array_layout, strut_poses, strut_qr, motions, closing, failure_measures,
+    law, estimation, commanding, evidence,
 )
-"""Every module of the kernel after those it imports."""
+"""Every module of the kernel that is compiled."""
 
 SWITCH = 'FAULT_TOLERANCE_KERNEL'
 """The environment variable that chooses the form: ``python`` or ``compiled`` (the default)."""
@@ -252,7 +252,7 @@ def _inlined(functions: list[FunctionType]) -> set[FunctionType]:
         one.__globals__.get(name) for one in functions for name in _global_names(one)
         for _ in range(2 if one in _SIGNATURES else 1)
     )
-    return {one for one in functions if callers[one] == 1} | set(_functions(workspace))
+    return {one for one in functions if callers[one] == 1} | set(_functions(scratch))
 
 
 def _global_names(function: FunctionType) -> set[str]:

@@ -11,19 +11,24 @@ from __future__ import annotations
 
 from math import inf, isfinite
 
-from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.closing import Closing, closed, largest_misfit, place
-from fault_tolerance.kernel.factorisation import copied, decomposed, largest_of, rank_of
-from fault_tolerance.kernel.margins import columns_of, kinds_of, next_measures, present_measures
-from fault_tolerance.kernel.model import (
+from fault_tolerance.kernel import array_layout as at
+from fault_tolerance.kernel.array_layout import (
     EstimateArrays,
     Model,
     credible,
     estimate_of,
     model_of,
 )
+from fault_tolerance.kernel.closing import Closing, closed, largest_misfit, place
+from fault_tolerance.kernel.failure_measures import (
+    columns_of,
+    kinds_of,
+    next_measures,
+    present_measures,
+)
+from fault_tolerance.kernel.jacobi_svd import copied, decomposed, largest_of, rank_of
 from fault_tolerance.kernel.motions import Kinematics
-from fault_tolerance.kernel.workspace import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import COMPLIANCE_BAND, JUMP, MISFIT_BAND
 

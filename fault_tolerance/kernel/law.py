@@ -28,7 +28,9 @@ from __future__ import annotations
 from math import isfinite, sqrt
 from typing import NamedTuple
 
-from fault_tolerance.kernel.factorisation import (
+from fault_tolerance.kernel.array_layout import CommandArrays, Drives, Model, TaskRows
+from fault_tolerance.kernel.failure_measures import columns_of
+from fault_tolerance.kernel.jacobi_svd import (
     Decomposition,
     along,
     combined,
@@ -41,10 +43,8 @@ from fault_tolerance.kernel.factorisation import (
     rank_of,
     solved,
 )
-from fault_tolerance.kernel.margins import columns_of
-from fault_tolerance.kernel.model import CommandArrays, Drives, Model, TaskRows
 from fault_tolerance.kernel.motions import Kinematics
-from fault_tolerance.kernel.workspace import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, SAME_COMMAND
 

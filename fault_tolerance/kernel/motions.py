@@ -13,8 +13,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.factorisation import (
+from fault_tolerance.kernel import array_layout as at
+from fault_tolerance.kernel.array_layout import EstimateArrays, Model
+from fault_tolerance.kernel.jacobi_svd import (
     Decomposition,
     combined,
     copied,
@@ -25,8 +26,7 @@ from fault_tolerance.kernel.factorisation import (
     product,
     rank_of,
 )
-from fault_tolerance.kernel.model import EstimateArrays, Model
-from fault_tolerance.kernel.workspace import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, ROUNDING_TOLERANCE
 

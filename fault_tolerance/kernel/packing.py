@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fault_tolerance.kernel.model import (
+from fault_tolerance.kernel.array_layout import (
     COUNTED,
     ESTIMATED,
     NUMBERED,
@@ -21,7 +21,7 @@ from fault_tolerance.kernel.model import (
     estimate_sizes,
     model_of,
 )
-from fault_tolerance.kernel.workspace import workspace_size
+from fault_tolerance.kernel.scratch import workspace_size
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.description import Mechanism

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.errors import ArrayError
-from fault_tolerance.kernel.model import POOR_BELOW, SINGULAR_BELOW
+from fault_tolerance.kernel.array_layout import POOR_BELOW, SINGULAR_BELOW
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured

@@ -12,7 +12,7 @@ from core.mechanisms import _across, hexapod, made, revolute, universal
 from fault_tolerance.control.control_model import control_model
 from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.kernel import model as at
+from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.measures import next_failure, present_measures
 from fault_tolerance.kinematics.reconfiguration import reconfigured

@@ -12,7 +12,7 @@ from core.mechanisms import made, revolute
 
 from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.rate_command import initial_command, rate_command
-from fault_tolerance.kernel.model import estimate_of
+from fault_tolerance.kernel.array_layout import estimate_of
 from fault_tolerance.kernel.compilation import best_kernel
 from fault_tolerance.kinematics.failures import FailureSet
 from fault_tolerance.mechanism.catalogue import mechanism_named

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from math import sqrt
 
-from fault_tolerance.kernel import model as at
-from fault_tolerance.kernel.factorisation import combined, copied, dot
-from fault_tolerance.kernel.model import EstimateArrays, Model
-from fault_tolerance.kernel.workspace import vector
+from fault_tolerance.kernel import array_layout as at
+from fault_tolerance.kernel.array_layout import EstimateArrays, Model
+from fault_tolerance.kernel.jacobi_svd import combined, copied, dot
+from fault_tolerance.kernel.scratch import vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 

@@ -189,7 +189,7 @@ class EstimateArrays(NamedTuple):
     joint values, ``actuators`` (N,) those of the actuators; ``openings`` (s, 6) are what is open
     between struts and platform.
 
-    The factorised struts (`fault_tolerance.kernel.elimination`): ``q`` (s, 6, 6) is Q^T of each,
+    The factorised struts (`fault_tolerance.kernel.strut_qr`): ``q`` (s, 6, 6) is Q^T of each,
     passive range, then drive rows, then structure; ``r`` (s, k, 6) has the columns of R, ``order``
     (s, k) the joints they belong to, ``ranks`` (s, 2) the rank of the passive columns and what
     the drives add. ``rows`` (N, 6) give the rates of the drives, ``q'_a = rows @ V``; the first

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from fault_tolerance.kernel.workspace import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import MACHINE_TOLERANCE, RANK_TOLERANCE
 

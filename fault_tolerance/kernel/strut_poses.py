@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from math import atan2, sin, sqrt
 
-from fault_tolerance.kernel.model import EstimateArrays, Model
-from fault_tolerance.kernel.workspace import matrix
+from fault_tolerance.kernel.array_layout import EstimateArrays, Model
+from fault_tolerance.kernel.scratch import matrix
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import HALF_TURN, NO_ANGLE, SERIES_ANGLE
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from math import inf, nan
 from typing import NamedTuple
 
-from fault_tolerance.kernel.factorisation import (
+from fault_tolerance.kernel.array_layout import EstimateArrays, Model, TaskRows
+from fault_tolerance.kernel.jacobi_svd import (
     copied,
     decomposed,
     largest_of,
@@ -16,7 +17,6 @@ from fault_tolerance.kernel.factorisation import (
     projected,
     rank_of,
 )
-from fault_tolerance.kernel.model import EstimateArrays, Model, TaskRows
 from fault_tolerance.kernel.motions import (
     Kinematics,
     any_of,
@@ -25,7 +25,7 @@ from fault_tolerance.kernel.motions import (
     rates_of,
     structure_of,
 )
-from fault_tolerance.kernel.workspace import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 
 
