@@ -15,7 +15,7 @@ import numpy as np
 
 from fault_tolerance.kernel.array_layout import POOR_BELOW, SINGULAR_BELOW, TaskRows
 from fault_tolerance.kernel.law import asked_velocity, prioritised
-from fault_tolerance.kernel.scratch import workspace_size
+from fault_tolerance.kernel.packing import workspace_size
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.task import COORDINATES
@@ -112,5 +112,5 @@ def resolved_rate(
         frozen(requested - achieved),
         frozen(twist @ reduced),
         int(found.driven),
-        float(found.found.sigma[len(task.major) - 1]) if complete else 0.0,
+        float(found.svd.sigma[len(task.major) - 1]) if complete else 0.0,
     )

@@ -50,7 +50,7 @@ def law_of(settings: Settings) -> Law:
         slow_below=settings.slow_below,
         hold_below=settings.hold_below,
         stroke_gain=settings.stroke_gain,
-        max_acceleration=settings.max_acceleration,
+        transition_acceleration=settings.max_acceleration,
     )
 
 

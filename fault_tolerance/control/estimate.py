@@ -95,7 +95,7 @@ class Estimate:
     @property
     def actuator_values(self) -> FloatArray:
         """Joint values of the actuators, (N,), consistent with the pose."""
-        return self.arrays.actuators
+        return self.arrays.actuator_values
 
     @cached_property
     def configuration(self) -> Configuration:
@@ -171,7 +171,7 @@ def estimate(
         hold_reason = _hold_reason(model, numbers, determined)
     # Where nothing is known of the place, nothing is judged.
     located = bool(numbers[at.LOCATED])
-    tolerated = bool(not located or numbers[at.VERDICT] == at.TOLERATED)
+    tolerated = bool(not located or numbers[at.TOLERATED])
     return Estimate(
         model, failures, flags, values, numbers, located, hold_reason, tolerated, determined
     )

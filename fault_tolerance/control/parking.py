@@ -174,4 +174,4 @@ def _is_held(estimate: Estimate) -> bool:
     """Return whether the drives hold the platform as well as they have to, whatever its task."""
     facts, settings = estimate.numbers, estimate.model.settings
     held = min(facts[at.TORQUE], facts[at.HARD]) >= settings.tolerance_threshold
-    return bool(settings.recovery and facts[at.DRIFTING] == 0 and held)
+    return bool(settings.recovery and facts[at.UNCONTROLLED] == 0 and held)

@@ -100,7 +100,7 @@ def initial_command(model: ControlModel) -> RateCommand:
 def zero_command(last: RateCommand, failures: FailureSet, now: float) -> RateCommand:
     """Return a command of zeros ``now`` (s), after the ``last`` one, with the ``failures``."""
     numbers = last.numbers.copy()
-    numbers[at.COMMAND_FACTS :] = 0.0
+    numbers[at.N_COMMAND_FACTS :] = 0.0
     numbers[[at.SCALE, at.SECONDARY_SCALE, at.SLOWED, at.MOVED]] = 0.0
     numbers[at.TIME] = now
     parts = command_of(frozen(numbers))
@@ -127,8 +127,8 @@ def rate_command(
         last.numbers, now, changed, numbers, packed.work,
     )
     numbers.setflags(write=False)
-    count = at.COMMAND_FACTS + len(estimate.readings)
-    rates, twist = numbers[at.COMMAND_FACTS : count], numbers[count : count + 6]
+    count = at.N_COMMAND_FACTS + len(estimate.readings)
+    rates, twist = numbers[at.N_COMMAND_FACTS : count], numbers[count : count + 6]
     if not numbers[at.FINITE] == 1.0:
         raise ArithmeticError('the command is not finite')
     hold_reason = ''

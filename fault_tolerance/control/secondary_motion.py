@@ -143,7 +143,7 @@ class SecondaryMotion:
         turned = np.linalg.pinv(jacobian[task.secondary_rows] @ free, rcond=_POOR)
         length = self._mechanism.characteristic_length
         reduced = free @ turned[:, place] * length
-        rates = (parts.follow @ reduced) / present.model.packed.view.drives.scale
+        rates = (parts.follow @ reduced) / present.model.packed.view.actuators.scale
         at, model, failures = present.actuator_values, present.model, present.failures
         neighbours = [
             estimate(model, present, at + step * rates, failures)

@@ -1,17 +1,16 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What goes into the kernel and comes out of it: named views of flat arrays.
+"""Layout of the flat arrays (model, estimate, command) and their named views.
 
 A compiled function takes a few flat arrays in a microsecond and a structure of forty arrays in
 thirty. So each of model, estimate and command is one array of numbers; `model_of`, `estimate_of`
 and `command_of` give its parts names, in compiled code and in Python alike.
 
-A *motion* is a row of 6 + N numbers: the platform's twist and the rates of all actuators that go
-along with it, scaled to metres per second.
+Part i of an array with start offsets p is ``[p[i] : p[i + 1]]``. A part that is added needs its
+size in `fault_tolerance.kernel.packing` (in `estimate_sizes` for an estimate), at the same place
+as its view here, and one more in the count of parts.
 """
-
-from __future__ import annotations
 
 from math import nan
 from typing import NamedTuple
@@ -19,19 +18,18 @@ from typing import NamedTuple
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import FARTHEST
 
-SIZES, SCALARS = 6, 13
-"""How many sizes, and single numbers, are at the head of a model."""
+N_SIZES = 6
+"""Sizes at the head of ``counts``; the start offsets of all parts follow."""
 
-COUNTED, NUMBERED, ESTIMATED = 8, 10, 15
-"""How many places are noted after the sizes: where parts of ``counts``, ``numbers`` and of an
-estimate begin, and the last one ends."""
+N_COUNT_PARTS, N_NUMBER_PARTS, N_ESTIMATE_PARTS = 8, 10, 15
+"""Start offsets of the parts of ``counts``, of ``numbers`` and of an estimate, and their ends."""
 
 
 class Chains(NamedTuple):
     """The struts at home: s of them with up to k joints each, and N actuators.
 
-    ``joints`` and ``passive`` (s,) count the joints of each strut, and those without a drive.
-    ``actuator`` (s, k) is the place of a joint's actuator, -1 where it is passive; ``strut`` and
+    ``joints`` and ``passive`` (s,) count the joints of each strut, and those without an actuator.
+    ``actuator`` (s, k) is the index of a joint's actuator, -1 where it is passive; ``strut`` and
     ``joint`` (N,) say where each actuator is, -1 for a mechanism given by its Jacobian.
     ``screws`` (s, k, 6) are joint twists, base axes, v at the base origin; ``origin`` (3,) is
     that of the platform, and ``length`` the characteristic length, metres.
@@ -47,17 +45,18 @@ class Chains(NamedTuple):
     length: float
 
 
-class Drives(NamedTuple):
+class Actuators(NamedTuple):
     """The actuators, (N,) arrays in their units.
 
     ``scale`` is metres per unit (the characteristic length for rotary ones, else 1), ``speed``
-    the largest rate; ``low`` and ``high`` are the ways from home to the ends of the stroke.
+    the largest rate; ``to_low`` and ``to_high`` are the distances from home to the ends of the
+    stroke.
     """
 
     scale: FloatArray
     speed: FloatArray
-    low: FloatArray
-    high: FloatArray
+    to_low: FloatArray
+    to_high: FloatArray
 
 
 class TaskRows(NamedTuple):
@@ -93,7 +92,7 @@ class Law(NamedTuple):
         Margins from singularities at which motion slows down, and ends.
     stroke_gain : float
         Speed per distance left towards the ends of a stroke, 1/s.
-    max_acceleration : float
+    transition_acceleration : float
         Of the norm of all rates while a transition lasts, m/s^2.
     compliance, closing_compliance : float
         Singular values up to which structural constraints count as absorbed by the flexures:
@@ -109,7 +108,7 @@ class Law(NamedTuple):
     slow_below: float
     hold_below: float
     stroke_gain: float
-    max_acceleration: float
+    transition_acceleration: float
     compliance: float = 0.0
     closing_compliance: float = 0.0
     singular_below: float = SINGULAR_BELOW
@@ -118,31 +117,36 @@ class Law(NamedTuple):
     home_gain: float = 1.0
 
 
+N_SCALARS = 1 + len(Law._fields)
+"""Single numbers at the head of ``numbers``: the characteristic length, and `Law`."""
+
+
 class Model(NamedTuple):
     """A mechanism and the settings of its controller: what does not change between two steps.
 
     ``given`` (n, 6 + N) are all motions of a mechanism given by its Jacobian; it has no rows
-    elsewhere. ``places`` are where the parts of an estimate begin, ``work`` is the workspace.
+    elsewhere. ``offsets`` are where the parts of an estimate begin, ``work`` is scratch memory.
     """
 
     chains: Chains
-    drives: Drives
+    actuators: Actuators
     task: TaskRows
     law: Law
     given: FloatArray
-    places: IntArray
+    offsets: IntArray
     work: FloatArray
 
 
 def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     """Return the parts of a model packed by `fault_tolerance.kernel.packing`.
 
-    ``counts`` begins with the sizes s, k, N, l, m and n, and the places of all parts; ``numbers``
-    with the characteristic length and `Law`; ``work`` is a workspace.
+    ``counts`` begins with the sizes s, k, N, l, m and n, and the start offsets of all parts;
+    ``numbers`` with the characteristic length and `Law`.
     """
     s, k, n, major, given = counts[0], counts[1], counts[2], counts[4], counts[5]
-    a, b = SIZES + COUNTED, SIZES + COUNTED + NUMBERED
-    c, p, v = counts[SIZES:a], counts[a:b], numbers
+    number_parts = N_SIZES + N_COUNT_PARTS
+    estimate_parts = number_parts + N_NUMBER_PARTS
+    c, p, v = counts[N_SIZES:number_parts], counts[number_parts:estimate_parts], numbers
     chains = Chains(
         counts[c[0] : c[1]], counts[c[1] : c[2]], counts[c[2] : c[3]].reshape((s, k)),
         counts[c[3] : c[4]], counts[c[4] : c[5]],
@@ -155,50 +159,46 @@ def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     law = Law(
         v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12]
     )
-    drives = Drives(v[p[2] : p[3]], v[p[5] : p[6]], v[p[6] : p[7]], v[p[7] : p[8]])
+    actuators = Actuators(v[p[2] : p[3]], v[p[5] : p[6]], v[p[6] : p[7]], v[p[7] : p[8]])
     motions = v[p[8] : p[9]].reshape((given, 6 + n))
-    return Model(chains, drives, task, law, motions, counts[b : b + ESTIMATED], work)
+    offsets = counts[estimate_parts : estimate_parts + N_ESTIMATE_PARTS]
+    return Model(chains, actuators, task, law, motions, offsets, work)
 
 
 def credible(readings: FloatArray, out: FloatArray) -> FloatArray:
-    """Write ``readings`` (N,) to ``out``, NaN for any that cannot be true; return ``out``."""
+    """Write ``readings`` (N,), NaN for any that cannot be true; return ``out``."""
     for j in range(len(readings)):
         out[j] = readings[j] if abs(readings[j]) <= FARTHEST else nan
     return out
 
 
-FACTS = 21
-"""Numbers at the head of an estimate; the places below are theirs."""
+N_FACTS = 17
+"""Numbers at the head of an estimate; these are their indices."""
 
-LOCATED, CLOSED, CONTRADICTORY, STEPS = 0, 1, 2, 3
-OUTSIDE, STRAIN, MISFIT = 4, 5, 6
-COMPLIANCE, MOBILITY, DRIFTING, NOMINAL_FREEDOM, FREEDOM = 7, 8, 9, 10, 11
-VERDICT, MAJOR_RANK = 12, 13
-POSITION, TORQUE, HARD, MOTION, REGULAR, SPARE, UNREAD = 14, 15, 16, 17, 18, 19, 20
-
-TOLERATED, DRIFTS, MAJOR_LOST, BELOW_THRESHOLD = 0, 1, 2, 3
-"""Verdicts on the failures present."""
+LOCATED, CLOSED, CONTRADICTORY, UNREAD, STRAIN, MISFIT = 0, 1, 2, 3, 4, 5
+COMPLIANCE, MOBILITY, UNCONTROLLED, NOMINAL_FREEDOM, FREEDOM = 6, 7, 8, 9, 10
+TOLERATED, TORQUE, HARD, MOTION, SELF_MOTIONS, REGULAR = 11, 12, 13, 14, 15, 16
 
 
 class EstimateArrays(NamedTuple):
     """Where the mechanism is and what its failures leave of it, scaled to metres.
 
-    ``facts`` (FACTS,) are single numbers, by the places above; ``failed`` (s + 2 N,) is 1 for
+    ``facts`` (N_FACTS,) are single numbers, by the indices above. ``failed`` (s + 2 N,) is 1 for
     every strut lost, actuator stuck, and actuator free, ``driving`` (N,) for the actuators that
     still drive. ``pose`` (4, 4) is the platform frame in base axes; ``values`` (s, k) are all
-    joint values, ``actuators`` (N,) those of the actuators; ``openings`` (s, 6) are what is open
-    between struts and platform.
+    joint values, ``actuator_values`` (N,) those of the actuators; ``closure_error`` (s, 6) is
+    the displacement from each strut's tip to the platform.
 
     The factorised struts (`fault_tolerance.kernel.strut_qr`): ``q`` (s, 6, 6) is Q^T of each,
-    passive range, then drive rows, then structure; ``r`` (s, k, 6) has the columns of R, ``order``
-    (s, k) the joints they belong to, ``ranks`` (s, 2) the rank of the passive columns and what
-    the drives add. ``rows`` (N, 6) give the rates of the drives, ``q'_a = rows @ V``; the first
-    ``facts[SPARE]`` rows of ``spare`` (N, N) are motions of drives that leave the platform at
-    rest (drives in series, or at a singularity of their strut). ``facts[REGULAR]``: there are
-    none, and the rows are well conditioned.
+    passive range, then actuator rows, then constraints; ``r`` (s, k, 6) has the columns of R,
+    ``order`` (s, k) the joints they belong to, ``ranks`` (s, 2) the rank of the passive columns
+    and what the actuators add. ``rows`` (N, 6) give the rates of the actuators, ``q'_a = rows @
+    V``; the first ``facts[SELF_MOTIONS]`` rows of ``self_motions`` (N, N) are motions of
+    actuators that leave the platform at rest (actuators in series, or at a singularity of their
+    strut). ``facts[REGULAR]``: there are none, and the rows are well conditioned.
 
-    ``motions`` (n, 6 + N) are those that the drives control, one for each reduced rate; the rates
-    of the driving actuators are orthonormal.
+    ``motions`` (n, 6 + N) are those that the actuators control, one for each reduced rate; the
+    rates of the driving actuators are orthonormal.
     """
 
     facts: FloatArray
@@ -206,14 +206,14 @@ class EstimateArrays(NamedTuple):
     driving: FloatArray
     pose: FloatArray
     values: FloatArray
-    actuators: FloatArray
-    openings: FloatArray
+    actuator_values: FloatArray
+    closure_error: FloatArray
     q: FloatArray
     r: FloatArray
     order: FloatArray
     ranks: FloatArray
     rows: FloatArray
-    spare: FloatArray
+    self_motions: FloatArray
     motions: FloatArray
 
     @property
@@ -226,22 +226,17 @@ class EstimateArrays(NamedTuple):
         """Rates of all actuators per unit reduced rate, (N, n); free ones go along."""
         return self.motions[:, 6:].T
 
-    @property
-    def mapping(self) -> FloatArray:
-        """T, (N, n): the same of the driving actuators, zero elsewhere."""
-        return self.follow * self.driving[:, None]
-
 
 def estimate_sizes(s: int, k: int, n: int) -> list[int]:
     """Return the sizes of an estimate's parts: ``s`` struts of ``k`` joints, ``n`` actuators."""
     place = [s + 2 * n, n, 16, s * k, n, 6 * s]
-    return [FACTS, *place, 36 * s, 6 * s * k, s * k, 2 * s, 6 * n, n * n, n * (6 + n)]
+    return [N_FACTS, *place, 36 * s, 6 * s * k, s * k, 2 * s, 6 * n, n * n, n * (6 + n)]
 
 
 def estimate_of(m: Model, numbers: FloatArray) -> EstimateArrays:
-    """Return the named parts of an estimate of ``m`` with its ``numbers``."""
+    """Return the named parts of an estimate with its ``numbers``."""
     s, k = m.chains.actuator.shape
-    n, p, v, width = len(m.drives.scale), m.places, numbers, int(numbers[MOBILITY])
+    n, p, v, width = len(m.actuators.scale), m.offsets, numbers, int(numbers[MOBILITY])
     return EstimateArrays(
         v[: p[1]],
         v[p[1] : p[2]],
@@ -260,12 +255,12 @@ def estimate_of(m: Model, numbers: FloatArray) -> EstimateArrays:
     )
 
 
-COMMAND_FACTS = 14
-"""Numbers at the head of a command; the places below are theirs."""
+N_COMMAND_FACTS = 13
+"""Numbers at the head of a command; these are their indices."""
 
 SCALE, SECONDARY_SCALE, MAJOR_JUMP, RATE_JUMP = 0, 1, 2, 3
 UNDER_WAY, OBSTACLE, SLOWED, TIME, MOVED, COMMANDED_MOBILITY = 4, 5, 6, 7, 8, 9
-TRANSMISSION, GAIN, DRIVEN, FINITE = 10, 11, 12, 13
+TRANSMISSION, GAIN, FINITE = 10, 11, 12
 
 NO_OBSTACLE, HARDLY_MOVES, HARDLY_HELD = 0, 1, 2
 """Near which kind of singularity motion is not allowed."""
@@ -274,8 +269,8 @@ NO_OBSTACLE, HARDLY_MOVES, HARDLY_HELD = 0, 1, 2
 class CommandArrays(NamedTuple):
     """One command, and what the next one needs to know of it.
 
-    ``facts`` (COMMAND_FACTS,) are single numbers, by the places above; ``rates`` (N,) are in the
-    actuators' units, free ones as they follow; ``twist`` (6,) is what they give the platform,
+    ``facts`` (N_COMMAND_FACTS,) are single numbers, by the indices above; ``rates`` (N,) are in
+    the actuators' units, free ones as they follow; ``twist`` (6,) is what they give the platform,
     rad/s and m/s; ``saturated`` (N,) is 1 for actuators that would have crossed a bound.
     """
 
@@ -287,13 +282,17 @@ class CommandArrays(NamedTuple):
 
 def command_size(n: int) -> int:
     """Return how many numbers a command of ``n`` actuators has."""
-    return COMMAND_FACTS + 2 * n + 6
+    return N_COMMAND_FACTS + 2 * n + 6
 
 
 def command_of(numbers: FloatArray) -> CommandArrays:
     """Return the named parts of a command with its ``numbers``."""
-    n = (len(numbers) - COMMAND_FACTS - 6) // 2
-    a = COMMAND_FACTS + n
+    n = (len(numbers) - N_COMMAND_FACTS - 6) // 2
+    rates_end = N_COMMAND_FACTS + n
+    twist_end = rates_end + 6
     return CommandArrays(
-        numbers[:COMMAND_FACTS], numbers[COMMAND_FACTS:a], numbers[a : a + 6], numbers[a + 6 :]
+        numbers[:N_COMMAND_FACTS],
+        numbers[N_COMMAND_FACTS:rates_end],
+        numbers[rates_end:twist_end],
+        numbers[twist_end:],
     )

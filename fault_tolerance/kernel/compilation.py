@@ -38,11 +38,12 @@ from fault_tolerance.kernel import (
     scratch,
     strut_poses,
     strut_qr,
+    transition,
 )
 
 MODULES: tuple[ModuleType, ...] = (
     scratch, jacobi_svd, array_layout, strut_poses, strut_qr, motions, closing, failure_measures,
-    law, estimation, commanding, evidence,
+    law, transition, estimation, commanding, evidence,
 )
 """Every module of the kernel that is compiled."""
 

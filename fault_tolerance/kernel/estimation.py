@@ -1,13 +1,10 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the mechanism is, what its failures leave of it, and what further ones would cost.
+"""Entry points `estimate` (close loops, kinematics with failures, verdict) and `measures`.
 
-`estimate` and `measures` are called from outside. They never decline: what cannot be computed is
-told among the results, and the others are valid.
+They never raise; flags in the result say what is not valid.
 """
-
-from __future__ import annotations
 
 from math import inf, isfinite
 
@@ -19,18 +16,19 @@ from fault_tolerance.kernel.array_layout import (
     estimate_of,
     model_of,
 )
-from fault_tolerance.kernel.closing import Closing, closed, largest_misfit, place
+from fault_tolerance.kernel.closing import Closing, closed, largest_misfit
 from fault_tolerance.kernel.failure_measures import (
-    columns_of,
-    kinds_of,
+    judged,
     next_measures,
     present_measures,
+    staged_kinematics,
 )
-from fault_tolerance.kernel.jacobi_svd import copied, decomposed, largest_of, rank_of
-from fault_tolerance.kernel.motions import Kinematics
-from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.jacobi_svd import copied, set_identity, set_zero
+from fault_tolerance.kernel.scratch import vector
+from fault_tolerance.kernel.strut_poses import place_struts
+from fault_tolerance.kernel.strut_qr import factorise
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.tolerances import COMPLIANCE_BAND, JUMP, MISFIT_BAND
+from fault_tolerance.tolerances import JUMP, MISFIT_BAND
 
 
 def estimate(
@@ -65,23 +63,22 @@ def estimate(
     target = credible(readings, vector(work, len(readings)))
     start = copied(before, vector(work, len(before)))
     last, e = estimate_of(m, start), estimate_of(m, copied(start, out))
-    found = _located(m, start, failed, target, out)
+    closing = _located(m, start, failed, target, out)
     facts, strut, joint = e.facts, m.chains.strut, m.chains.joint
-    facts[at.CLOSED], facts[at.STEPS] = 1.0 if found.steps > 0 else 0.0, found.steps
+    facts[at.CLOSED] = 1.0 if closing.converged else 0.0
     facts[at.LOCATED] = max(facts[at.CLOSED], last.facts[at.LOCATED])
-    if found.steps > 0:
-        facts[at.OUTSIDE], facts[at.STRAIN] = found.outside, found.strain
+    if closing.converged:
+        facts[at.STRAIN] = closing.strain
         facts[at.MISFIT] = largest_misfit(m, e, failed, target)
         limit = m.law.misfit_limit * (MISFIT_BAND if last.facts[at.CONTRADICTORY] != 0.0 else 1.0)
         facts[at.CONTRADICTORY] = 1.0 if facts[at.MISFIT] > limit else 0.0
     facts[at.UNREAD] = 0.0
     for j in range(len(strut)):
         facts[at.UNREAD] += 0.0 if isfinite(target[j]) else 1.0
-        e.actuators[j] = e.values[strut[j], joint[j]] if strut[j] >= 0 else 0.0
-    present = _judged(m, e, last, failed)
+        e.actuator_values[j] = e.values[strut[j], joint[j]] if strut[j] >= 0 else 0.0
+    present = judged(m, e, last, failed)
     copied(failed, e.failed)
     copied(present.driving, e.driving)
-    facts[at.MOBILITY] = len(present.motions)
     motions = estimate_of(m, out).motions
     for k in range(len(motions)):
         copied(present.motions[k], motions[k])
@@ -99,7 +96,7 @@ def measures(
     Parameters
     ----------
     counts, numbers : arrays
-        The model; its `Drives.scale` and `TaskRows.measure` say in which units.
+        The model; its `Actuators.scale` and `TaskRows.measure` say in which units.
     estimated : array
         The estimate to go by.
     out : (3 + 2 N + s,) array
@@ -110,10 +107,9 @@ def measures(
     m = model_of(counts, numbers, work)
     e = estimate_of(m, copied(estimated, vector(work, len(estimated))))
     failed, compliance = e.failed, e.facts[at.COMPLIANCE]
-    kinds = kinds_of(m, e, failed, compliance)
-    cost = present_measures(m, failed, kinds)
-    out[0], out[1], out[2] = cost.position, cost.torque, cost.hard
-    next_measures(m, e, failed, compliance, kinds.present, out[3:])
+    stages = staged_kinematics(m, e, failed, compliance)
+    out[0], out[1], out[2], _ = present_measures(m, failed, stages)
+    next_measures(m, e, failed, compliance, stages.present, out[3:])
 
 
 def _located(
@@ -121,16 +117,14 @@ def _located(
 ) -> Closing:
     """Move the estimate ``out`` from ``start`` to where the mechanism is by its readings.
 
-    From the last one the same assembly mode is followed. After a jump, as after a long gap or
-    readings without sense, it may lead to another one that fits as well, upside down for
-    instance: then the one that is reached from home counts, and readings that contradict each
-    other lead nowhere. Where nothing closes the last place is the one to stay, with no steps.
+    First try from the last estimate (keeps the assembly mode). If the fit is bad or the pose has
+    jumped, try from home. If neither closes, keep the last pose.
     """
     last, e, limit = estimate_of(m, start), estimate_of(m, out), m.law.misfit_limit
     if len(m.chains.joints) == 0:
-        return Closing(0.0, 0.0, 1)
+        return Closing(True, 0.0)
     known = last.facts[at.LOCATED] != 0.0
-    numbers, found = copied(start, vector(m.work, len(out))), Closing(0.0, 0.0, 0)
+    numbers, closing = copied(start, vector(m.work, len(out))), Closing(False, 0.0)
     there, misfit, far = estimate_of(m, numbers), inf, False
     for attempt in range(0 if known else 1, 2):
         copied(start, numbers)
@@ -140,30 +134,33 @@ def _located(
             copied(numbers, start)
         other = closed(m, there, failed, target)
         off = largest_misfit(m, there, failed, target)
-        if found.steps == 0 or (other.steps > 0 and (off < misfit or off <= limit)):
-            found, misfit = other, off
+        if not closing.converged or (other.converged and (off < misfit or off <= limit)):
+            closing, misfit = other, off
             copied(numbers, out)
             far = _jumps(last, e, failed, m.chains.length)
-        if found.steps > 0 and not (misfit > limit or far):
-            return found
-    if found.steps == 0 or (misfit > limit and far):
+        if closing.converged and not (misfit > limit or far):
+            return closing
+    if not closing.converged or (misfit > limit and far):
         copied(start, out)
-        # The loops do close at these readings, but the place is the last one, with its strain.
-        return Closing(last.facts[at.OUTSIDE], last.facts[at.STRAIN], found.steps)
-    return found
+        # Where the loops did close, the readings contradict each other; the strain is that of the
+        # last pose.
+        return Closing(closing.converged, last.facts[at.STRAIN])
+    return closing
 
 
 def _bring_home(m: Model, e: EstimateArrays) -> None:
-    """Write the place of ``m`` at home to ``e``."""
-    for i in range(4):
-        for j in range(4):
-            e.pose[i, j] = 1.0 if i == j else 0.0
+    """Move ``e`` to home."""
+    mark = m.work[0]
+    s, k = m.chains.actuator.shape
+    screws = vector(m.work, 6 * s * k).reshape((s, k, 6))
+    set_identity(e.pose)
     for i in range(3):
         e.pose[i, 3] = m.chains.origin[i]
-    for s in range(len(e.values)):
-        for j in range(e.values.shape[1]):
-            e.values[s, j] = 0.0
-    place(m, e)
+    for i in range(s):
+        set_zero(e.values[i])
+    place_struts(m, e, screws)
+    factorise(m, e, screws)
+    m.work[0] = mark
 
 
 def _jumps(
@@ -181,50 +178,8 @@ def _jumps(
     if shift > (JUMP * length) ** 2 or turn > JUMP * JUMP:
         return True
     for s in range(len(one.values)):
-        for j in range(one.values.shape[1]):
-            if failed[s] == 0.0 and abs(one.values[s, j] - other.values[s, j]) > JUMP:
-                return True
+        if failed[s] == 0.0:
+            for j in range(one.values.shape[1]):
+                if abs(one.values[s, j] - other.values[s, j]) > JUMP:
+                    return True
     return False
-
-
-def _judged(
-    m: Model, e: EstimateArrays, last: EstimateArrays, failed: FloatArray
-) -> Kinematics:
-    """Write mobility, measures and verdict to ``e``, and return J and T with the failures.
-
-    A constraint that was absorbed in the ``last`` estimate stays so until it exceeds the
-    compliance by `COMPLIANCE_BAND`: otherwise the verdict would change with every noisy reading
-    while a scan crosses it.
-    """
-    same, facts, limit = True, e.facts, COMPLIANCE_BAND * m.law.compliance
-    for i in range(len(failed)):
-        same = same and failed[i] == last.failed[i]
-    compliance, mark = m.law.compliance, m.work[0]
-    for _ in range(2):
-        m.work[0] = mark
-        kinds = kinds_of(m, e, failed, compliance)
-        nominal, present = kinds.nominal, kinds.present
-        facts[at.NOMINAL_FREEDOM] = len(nominal.motions) + nominal.drifting
-        facts[at.FREEDOM] = len(present.motions) + present.drifting
-        fewer = facts[at.FREEDOM] < last.facts[at.FREEDOM]
-        if not (
-            kinds.weakest <= limit and facts[at.NOMINAL_FREEDOM] < last.facts[at.NOMINAL_FREEDOM]
-        ) and not (same and kinds.weakest_left <= limit and fewer):
-            break
-        compliance = limit
-    cost = present_measures(m, failed, kinds)
-    major = matrix(m.work, len(present.motions), len(m.task.major))
-    columns_of(m.task, present.motions, m.task.major, False, major)
-    sigma = decomposed(m.work, major).sigma
-    facts[at.COMPLIANCE], facts[at.DRIFTING] = compliance, present.drifting
-    facts[at.MAJOR_RANK] = rank_of(sigma, largest_of(sigma))
-    facts[at.POSITION], facts[at.TORQUE] = cost.position, cost.torque
-    facts[at.HARD], facts[at.MOTION] = cost.hard, cost.motion
-    facts[at.VERDICT] = at.TOLERATED
-    if present.drifting > 0:
-        facts[at.VERDICT] = at.DRIFTS
-    elif facts[at.MAJOR_RANK] < len(m.task.major):
-        facts[at.VERDICT] = at.MAJOR_LOST
-    elif not min(cost.motion, cost.torque, cost.hard) >= m.law.threshold:
-        facts[at.VERDICT] = at.BELOW_THRESHOLD
-    return present

@@ -1,14 +1,10 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Products and the singular value decomposition of small dense matrices, as plain loops.
+"""Singular value decomposition by Jacobi rotations, and products, of small dense matrices.
 
-LAPACK spends most of a call on a 4 x 6 matrix on its way to the work. Sets of vectors are the
-rows of C-contiguous matrices, so that loops run along memory. What has a result of a size that
-the caller knows writes it to ``out``, and returns it.
+LAPACK spends most of a call on a 4 x 6 matrix on its way to the work.
 """
-
-from __future__ import annotations
 
 from math import sqrt
 from typing import NamedTuple
@@ -46,30 +42,44 @@ def norm(a: FloatArray) -> float:
     return sqrt(dot(a, a))
 
 
+def set_zero(out: FloatArray) -> FloatArray:
+    """Set all of a vector (k,) to zero; return ``out``."""
+    for i in range(len(out)):
+        out[i] = 0.0
+    return out
+
+
+def set_identity(out: FloatArray) -> None:
+    """Set ``out`` (r, c) to one on the diagonal and zero elsewhere."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 1.0 if i == j else 0.0
+
+
 def copied(given: FloatArray, out: FloatArray) -> FloatArray:
-    """Write a ``given`` vector (k,) to ``out``; return that."""
+    """Write a ``given`` vector (k,); return ``out``."""
     for i in range(len(given)):
         out[i] = given[i]
     return out
 
 
-def combined(a: float, x: FloatArray, b: float, y: FloatArray, out: FloatArray) -> FloatArray:
-    """Write ``a x + b y`` of two vectors (k,) to ``out``; return that."""
+def axpby(a: float, x: FloatArray, b: float, y: FloatArray, out: FloatArray) -> FloatArray:
+    """Write ``a x + b y`` of two vectors (k,); return ``out``."""
     for i in range(len(x)):
         out[i] = a * x[i] + b * y[i]
     return out
 
 
-def along(rows: FloatArray, shares: FloatArray, column: int) -> float:
-    """Return one ``column`` of the sum of ``shares`` (k,) of ``rows`` (k, c)."""
+def weighted_sum(rows: FloatArray, weights: FloatArray, column: int) -> float:
+    """Return one ``column`` of the sum of ``rows`` (k, c), by ``weights`` (k,)."""
     total = 0.0
-    for k in range(len(shares)):
-        total += rows[k, column] * shares[k]
+    for k in range(len(weights)):
+        total += rows[k, column] * weights[k]
     return total
 
 
 def product(a: FloatArray, first: int, b: FloatArray, out: FloatArray) -> FloatArray:
-    """Write the rows of ``a @ b`` from the row ``first`` of ``a`` on to ``out``; return that."""
+    """Write ``a[first:] @ b``, in as many columns as ``out`` has; return that."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             out[i, j] = 0.0
@@ -80,19 +90,11 @@ def product(a: FloatArray, first: int, b: FloatArray, out: FloatArray) -> FloatA
     return out
 
 
-def projected(a: FloatArray, directions: FloatArray, out: FloatArray) -> FloatArray:
-    """Write the components of the rows of ``a`` along the first ``directions``; return ``out``."""
-    for i in range(out.shape[0]):
-        for k in range(out.shape[1]):
-            out[i, k] = dot(a[i], directions[k])
-    return out
-
-
-def rank_of(sigma: FloatArray, scale: float) -> int:
-    """Return how many singular values ``sigma`` (k,) count as not zero beside ``scale``."""
+def count_above(sigma: FloatArray, threshold: float) -> int:
+    """Return how many of the singular values ``sigma`` (k,) are above a ``threshold``."""
     count = 0
     for k in range(len(sigma)):
-        if sigma[k] > RANK_TOLERANCE * scale:
+        if sigma[k] > threshold:
             count += 1
     return count
 
@@ -102,19 +104,25 @@ def largest_of(sigma: FloatArray) -> float:
     return sigma[0] if len(sigma) > 0 else 0.0
 
 
+def rank_of(sigma: FloatArray) -> int:
+    """Return how many singular values ``sigma`` (k,) are not zero beside the largest."""
+    return count_above(sigma, RANK_TOLERANCE * largest_of(sigma))
+
+
 def decomposed(work: FloatArray, columns: FloatArray) -> Decomposition:
     """Return the decomposition of a matrix with ``columns`` (c, r), which are left alone.
 
     One-sided Jacobi (Hestenes 1958): the columns are rotated in pairs until all are orthogonal.
     It is as accurate as LAPACK, and more so for small singular values (Demmel and Veselic, SIAM
-    J. Matrix Anal. Appl. 13, 1992). The results are parts of ``work``.
+    J. Matrix Anal. Appl. 13, 1992).
     """
     count, length = columns.shape
-    left, right = matrix(work, count, length), matrix(work, count, count)
-    sigma, total = vector(work, count), 0.0
+    left = matrix(work, count, length)
+    right = matrix(work, count, count)
+    sigma = vector(work, count)
+    total = 0.0
+    set_identity(right)
     for j in range(count):
-        for i in range(count):
-            right[j, i] = 1.0 if i == j else 0.0
         for i in range(length):
             left[j, i] = columns[j, i]
             total += columns[j, i] * columns[j, i]
@@ -126,35 +134,34 @@ def decomposed(work: FloatArray, columns: FloatArray) -> Decomposition:
     _sort(sigma, left, right)
     for j in range(count):
         factor = 1.0 / sigma[j] if sigma[j] > MACHINE_TOLERANCE * sqrt(total) else 0.0
-        combined(factor, left[j], 0.0, left[j], left[j])
+        axpby(factor, left[j], 0.0, left[j], left[j])
     return Decomposition(left, sigma, right)
 
 
-def solved(
-    found: Decomposition, rank: int, wanted: FloatArray, out: FloatArray
+def pseudo_solve(
+    svd: Decomposition, rank: int, wanted: FloatArray, out: FloatArray
 ) -> FloatArray:
-    """Write the shortest x (c,) with ``M x`` next to ``wanted`` (r,) to ``out``; return that.
+    """Write the shortest x (c,) whose ``M x`` is nearest to ``wanted`` (r,); return ``out``.
 
-    M is what has been ``found``, ``rank`` singular values of it.
+    M is what has been decomposed in ``svd``, with only ``rank`` singular values.
     """
-    for i in range(len(out)):
-        out[i] = 0.0
-    left, sigma, right = found.left, found.sigma, found.right
+    left, sigma, right = svd.left, svd.sigma, svd.right
+    set_zero(out)
     for k in range(rank):
-        combined(1.0, out, dot(left[k], wanted) / sigma[k], right[k], out)
+        axpby(1.0, out, dot(left[k], wanted) / sigma[k], right[k], out)
     return out
 
 
-def _sweep(work: FloatArray, right: FloatArray, nothing: float) -> bool:
-    """Rotate every pair of the vectors ``work`` (c, r) once; return whether any needed it."""
+def _sweep(left: FloatArray, right: FloatArray, nothing: float) -> bool:
+    """Rotate every pair of the vectors ``left`` (c, r) once; return whether any needed it."""
     rotated = False
-    for p in range(len(work) - 1):
-        for q in range(p + 1, len(work)):
+    for p in range(len(left) - 1):
+        for q in range(p + 1, len(left)):
             alpha = beta = gamma = 0.0
-            for i in range(work.shape[1]):
-                alpha += work[p, i] * work[p, i]
-                beta += work[q, i] * work[q, i]
-                gamma += work[p, i] * work[q, i]
+            for i in range(left.shape[1]):
+                alpha += left[p, i] * left[p, i]
+                beta += left[q, i] * left[q, i]
+                gamma += left[p, i] * left[q, i]
             if abs(gamma) <= MACHINE_TOLERANCE * sqrt(alpha * beta):
                 continue
             smaller, larger = min(alpha, beta), max(alpha, beta)
@@ -168,7 +175,7 @@ def _sweep(work: FloatArray, right: FloatArray, nothing: float) -> bool:
             if ratio < 0.0:
                 tangent = -tangent
             cosine = 1.0 / sqrt(1.0 + tangent * tangent)
-            _rotate_pair(work, p, q, cosine, cosine * tangent)
+            _rotate_pair(left, p, q, cosine, cosine * tangent)
             _rotate_pair(right, p, q, cosine, cosine * tangent)
     return rotated
 
@@ -181,16 +188,18 @@ def _rotate_pair(vectors: FloatArray, p: int, q: int, cosine: float, sine: float
         vectors[q, i] = sine * one + cosine * other
 
 
-def _sort(sizes: FloatArray, work: FloatArray, right: FloatArray) -> None:
-    """Order ``sizes`` (c,) and the rows of the other two by size, largest first, in place."""
-    for j in range(len(sizes) - 1):
+def _sort(sigma: FloatArray, left: FloatArray, right: FloatArray) -> None:
+    """Order ``sigma`` (c,) and the rows of the other two by size, largest first, in place."""
+    for j in range(len(sigma) - 1):
         largest = j
-        for other in range(j + 1, len(sizes)):
-            if sizes[other] > sizes[largest]:
+        for other in range(j + 1, len(sigma)):
+            if sigma[other] > sigma[largest]:
                 largest = other
         if largest != j:
-            sizes[j], sizes[largest] = sizes[largest], sizes[j]
-            _rotate_pair(work, j, largest, 0.0, -1.0)
+            sigma[j], sigma[largest] = sigma[largest], sigma[j]
+            # A quarter turn swaps two rows, one of them reversed. Reversed in both left and right
+            # it stays the same singular direction.
+            _rotate_pair(left, j, largest, 0.0, -1.0)
             _rotate_pair(right, j, largest, 0.0, -1.0)
 
 
@@ -202,7 +211,7 @@ def orthonormalise(rows: FloatArray) -> None:
     for j in range(len(rows)):
         for _ in range(2):
             for k in range(j):
-                combined(1.0, rows[j], -dot(rows[k], rows[j]), rows[k], rows[j])
+                axpby(1.0, rows[j], -dot(rows[k], rows[j]), rows[k], rows[j])
         size = norm(rows[j])
         if size > 0.0:
-            combined(1.0 / size, rows[j], 0.0, rows[j], rows[j])
+            axpby(1.0 / size, rows[j], 0.0, rows[j], rows[j])

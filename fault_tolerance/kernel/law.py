@@ -3,76 +3,58 @@
 
 """The control law: from a task velocity to actuator rates within all limits.
 
-With reduced rates x, so that ``v = J^ x`` and the actuators go ``T^ x``, in metres per second:
+With reduced rates x the platform moves by ``v = J^ x`` and the actuators by ``F x``, in metres per
+second; F equals T^ for driven actuators, and free ones follow (docs/theory.md, section 7).
 
-1. *Task priority.* x serves the major task exactly where it can (least squares where not), and
-   among all such x the secondary task as well as it can:
-
-       x = J_m^+ v_m + N (J_s N)^+ (v_s - J_s J_m^+ v_m),   N = null(J_m)   (theory, eq. 22)
-
-   Directions with a transmission (a singular value) of at most `singular_below` are not driven.
-   Secondary ones below `poor_below` of the best major one are not either; they fade in up to
-   twice that.
-2. *Near singularities* everything slows down, from the margin `slow_below` to 0 at `hold_below`
-   (eq. 23).
-3. *Limits.* Rates stay within ``lower <= T^ x <= upper``: the largest share of the secondary part
-   that fits, and if none does, the major part alone by the largest factor that fits. Clipping
-   single actuators would leave the range of T^ and make the struts fight.
-4. *Transitions.* After the kinematics have changed, and after a rest, x goes from the point
-   nearest to the last command that moves the major task as before, to what it should be, at
-   limited acceleration of the drives.
+1. *Task priority* (`prioritised`). x serves the major task exactly where it can (least squares
+   where not), and among all such x the secondary task as well as it can (eq. 22). Directions with
+   a transmission (a singular value) of at most `singular_below` are not driven. Secondary ones
+   below `poor_below` of the best major one are not either; they fade in up to twice that.
+2. *Near singularities* (`commanding`) everything slows down, from the margin `slow_below` to 0 at
+   `hold_below` (eq. 23).
+3. *Limits* (`limited`). Rates stay within ``lower <= F x <= upper``: the largest share of the
+   secondary part that fits, and if none does, the major part alone by the largest factor that
+   fits.
+4. *Transitions* (`transition`). After the kinematics have changed, and after a rest, x moves in a
+   straight line, at limited acceleration, from the x that best reproduces the last command (major
+   task exactly) to the new x. A command of zero is not eased: it stops at once.
 """
 
-from __future__ import annotations
-
-from math import isfinite, sqrt
+from math import isfinite
 from typing import NamedTuple
 
-from fault_tolerance.kernel.array_layout import CommandArrays, Drives, Model, TaskRows
+from fault_tolerance.kernel.array_layout import Actuators, TaskRows
 from fault_tolerance.kernel.failure_measures import columns_of
 from fault_tolerance.kernel.jacobi_svd import (
     Decomposition,
-    along,
-    combined,
-    copied,
+    axpby,
+    count_above,
     decomposed,
     dot,
     largest_of,
-    norm,
     product,
-    rank_of,
-    solved,
+    pseudo_solve,
+    set_zero,
+    weighted_sum,
 )
-from fault_tolerance.kernel.motions import Kinematics
 from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, SAME_COMMAND
+from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, RANK_TOLERANCE
 
 
 class Priority(NamedTuple):
     """A task velocity resolved by priority.
 
     ``first`` and ``second`` (n,) are the parts of the reduced rates that serve the major and the
-    secondary task; ``major`` (n, m) are the columns of J_m, which is decomposed in ``found``: its
+    secondary task; ``major`` (n, m) are the columns of J_m, and ``svd`` is its decomposition: the
     singular values are the transmissions, and the first ``driven`` directions are driven.
     """
 
     first: FloatArray
     second: FloatArray
     major: FloatArray
-    found: Decomposition
+    svd: Decomposition
     driven: int
-
-
-class Within(NamedTuple):
-    """A command within bounds: everything times ``scale``, the second part by ``share`` before.
-
-    ``saturated`` (N,) is 1 for the actuators that would have crossed a bound.
-    """
-
-    scale: float
-    share: float
-    saturated: FloatArray
 
 
 def asked_velocity(task: TaskRows, velocity: FloatArray, out: FloatArray) -> FloatArray:
@@ -99,27 +81,24 @@ def prioritised(
     """Return the reduced rates of ``motions`` for a task velocity ``asked`` (l,): step 1.
 
     The velocity is of the ``task``, m/s. Transmissions up to ``singular_below``, and secondary
-    ones up to ``poor_below`` of the best, are not driven. The results are parts of ``work``.
+    ones up to ``poor_below`` of the best, are not driven.
     """
     n, m, q = len(motions), len(task.major), len(task.secondary)
-    first, second, wanted, driven = vector(work, n), vector(work, n), vector(work, m), 0
+    first, second, wanted = vector(work, n), set_zero(vector(work, n)), vector(work, m)
     major = columns_of(task, motions, task.major, False, matrix(work, n, m))
-    found = decomposed(work, major)
-    for c in range(n):
-        second[c] = 0.0
-        if found.sigma[c] > singular_below:
-            driven += 1
+    svd = decomposed(work, major)
+    driven = count_above(svd.sigma, singular_below)
     for i in range(m):
         wanted[i] = asked[task.major[i]]
-    solved(found, driven, wanted, first)
-    best = largest_of(found.sigma)
-    rank = rank_of(found.sigma, max(1.0, best))
+    pseudo_solve(svd, driven, wanted, first)
+    best = largest_of(svd.sigma)
+    rank = count_above(svd.sigma, RANK_TOLERANCE * max(1.0, best))
     if rank < n and q > 0:
         columns = columns_of(task, motions, task.secondary, False, matrix(work, n, q))
         least, missing = max(singular_below, poor_below * best), vector(work, q)
         for i in range(q):
-            missing[i] = asked[task.secondary[i]] - along(columns, first, i)
-        free = product(found.right, rank, columns, matrix(work, n - rank, q))
+            missing[i] = asked[task.secondary[i]] - weighted_sum(columns, first, i)
+        free = product(svd.right, rank, columns, matrix(work, n - rank, q))
         other = decomposed(work, free)
         for k in range(n - rank):
             gain = other.sigma[k]
@@ -127,68 +106,71 @@ def prioritised(
                 share = dot(other.left[k], missing) * min(gain / least - 1.0, 1.0) / gain
                 for d in range(n - rank):
                     part = share * other.right[k, d]
-                    combined(1.0, second, part, found.right[rank + d], second)
-    return Priority(first, second, major, found, driven)
+                    axpby(1.0, second, part, svd.right[rank + d], second)
+    return Priority(first, second, major, svd, driven)
 
 
 def rate_bounds(
-    drives: Drives, gain: float, values: FloatArray, lower: FloatArray, upper: FloatArray
+    actuators: Actuators, gain: float, values: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> None:
-    """Write the bounds (N,) of ``drives`` at joint ``values`` (N,), NaN where there is none.
+    """Write the bounds (N,) of ``actuators`` at joint ``values`` (N,), NaN where there is none.
 
     To ``lower`` and ``upper``. Towards an end of its stroke an actuator goes no faster than
-    ``gain`` times the way left, so it arrives without a jolt; beyond an end it may only come back
-    (a velocity damper, Faverjon and Tournassoud, ICRA 1987).
+    ``gain`` times the distance left, so it arrives without a jolt; beyond an end it may only come
+    back (a velocity damper, Faverjon and Tournassoud, ICRA 1987).
     """
+    speed, to_low, to_high = actuators.speed, actuators.to_low, actuators.to_high
     for j in range(len(values)):
-        lower[j], upper[j] = -drives.speed[j], drives.speed[j]
+        lower[j], upper[j] = -speed[j], speed[j]
         if isfinite(values[j]):
-            lower[j] = -min(max(gain * (drives.low[j] + values[j]), 0.0), drives.speed[j])
-            upper[j] = min(max(gain * (drives.high[j] - values[j]), 0.0), drives.speed[j])
+            lower[j] = -min(max(gain * (to_low[j] + values[j]), 0.0), speed[j])
+            upper[j] = min(max(gain * (to_high[j] - values[j]), 0.0), speed[j])
 
 
-def scaled_rates(
-    drives: FloatArray, motions: FloatArray, reduced: FloatArray, scale: float, out: FloatArray
+def actuator_rates(
+    scale: FloatArray, motions: FloatArray, reduced: FloatArray, factor: float, out: FloatArray
 ) -> FloatArray:
-    """Write the rates (N,) of all actuators, in their units, for ``scale * reduced`` (n,).
+    """Write the rates (N,) of all actuators, in their units, for ``factor * reduced`` (n,).
 
-    ``drives`` (N,) are metres per unit, ``motions`` (n, 6 + N) those of the reduced rates. Returns
-    ``out``.
+    ``scale`` (N,) is metres per unit, ``motions`` (n, 6 + N) are those of the reduced rates.
+    Returns ``out``.
     """
-    for j in range(len(drives)):
+    for j in range(len(scale)):
         # Adding zero turns -0.0 into 0.0.
-        out[j] = scale * along(motions, reduced, 6 + j) / drives[j] + 0.0
+        out[j] = factor * weighted_sum(motions, reduced, 6 + j) / scale[j] + 0.0
     return out
 
 
 def limited(
     work: FloatArray,
-    drives: FloatArray,
+    scale: FloatArray,
     motions: FloatArray,
     first: FloatArray,
     second: FloatArray,
+    slowing: float,
     lower: FloatArray,
     upper: FloatArray,
-    scale: float,
-) -> Within:
-    """Return what is left of ``scale * (first + second)`` (n,) within bounds: step 3.
+    saturated: FloatArray,
+) -> tuple[float, float]:
+    """Return the factor and share that put ``factor * (first + share * second)`` within bounds.
 
-    ``lower`` and ``upper`` (N,) bound the rates; ``drives`` and ``motions`` as in `scaled_rates`.
-    The result is part of ``work``.
+    Step 3, of the parts (n,) of reduced rates. The factor is at most ``slowing``. ``lower`` and
+    ``upper`` (N,) bound the rates; ``scale`` and ``motions`` as in `actuator_rates`. Writes 1 to
+    ``saturated`` (N,) for the actuators that would have crossed a bound.
     """
-    n = len(drives)
-    major = scaled_rates(drives, motions, first, scale, vector(work, n))
-    other = scaled_rates(drives, motions, second, scale, vector(work, n))
-    _clear_rounding(major)
-    _clear_rounding(other)
-    wanted = combined(1.0, major, 1.0, other, vector(work, n))
-    _clear_rounding(wanted)
-    saturated, crossing = vector(work, n), False
+    n = len(scale)
+    major = actuator_rates(scale, motions, first, slowing, vector(work, n))
+    other = actuator_rates(scale, motions, second, slowing, vector(work, n))
+    _zero_small_rates(major)
+    _zero_small_rates(other)
+    wanted = axpby(1.0, major, 1.0, other, vector(work, n))
+    _zero_small_rates(wanted)
+    crossing = False
     for j in range(n):
         saturated[j] = 1.0 if wanted[j] < lower[j] or wanted[j] > upper[j] else 0.0
         crossing = crossing or saturated[j] != 0.0
     if not crossing:
-        return Within(scale, 1.0, saturated)
+        return slowing, 1.0
     share = 1.0
     for j in range(n):
         if other[j] != 0.0:
@@ -207,10 +189,10 @@ def limited(
             bound = lower[j] if major[j] < 0.0 else upper[j]
             if abs(major[j]) > abs(bound):
                 factor = min(factor, bound / major[j])
-    return Within(scale * factor, share, saturated)
+    return slowing * factor, share
 
 
-def _clear_rounding(rates: FloatArray) -> None:
+def _zero_small_rates(rates: FloatArray) -> None:
     """Set to zero what is only rounding beside the largest of ``rates`` (N,)."""
     largest = 0.0
     for j in range(len(rates)):
@@ -218,56 +200,3 @@ def _clear_rounding(rates: FloatArray) -> None:
     for j in range(len(rates)):
         if not abs(rates[j]) > NEGLIGIBLE_RATE * largest:
             rates[j] = 0.0
-
-
-def jump_between(
-    m: Model, motions: FloatArray, reduced: FloatArray, sent: FloatArray, twist: FloatArray
-) -> tuple[float, float]:
-    """Return by how much ``reduced`` rates (n,) jump, m/s: major task, and norm of the drives.
-
-    They are of ``motions`` of ``m``; ``sent`` (N,) and ``twist`` (6,) are the last command, in
-    true units.
-    """
-    major = rates = 0.0
-    for i in range(len(m.task.major)):
-        row = m.task.rows[m.task.major[i]]
-        major += (along(motions, reduced, row) - m.task.scale[row] * twist[row]) ** 2
-    for j in range(len(sent)):
-        rates += (along(motions, reduced, 6 + j) - m.drives.scale[j] * sent[j]) ** 2
-    return sqrt(major), sqrt(rates)
-
-
-def eased(
-    m: Model,
-    k: Kinematics,
-    priority: Priority,
-    goal: FloatArray,
-    last: CommandArrays,
-    allowed: float,
-    out: FloatArray,
-) -> bool:
-    """Write the reduced rates on the way to ``goal`` (n,); return whether they are it: step 4.
-
-    To ``out``. ``priority`` is what the task velocity has been resolved to by the kinematics
-    ``k``. By ``allowed`` (m/s) the drives' speed may differ from the start, which is next to the
-    ``last`` command.
-    """
-    n, work = len(goal), m.work
-    start, missing = vector(work, n), vector(work, len(m.task.major))
-    sent, scale, motions, driving = last.rates, m.drives.scale, k.motions, k.driving
-    for c in range(n):
-        start[c] = 0.0
-        for j in range(len(sent)):
-            start[c] += driving[j] * motions[c, 6 + j] * scale[j] * sent[j]
-    for i in range(len(missing)):
-        row = m.task.rows[m.task.major[i]]
-        missing[i] = m.task.scale[row] * last.twist[row] - along(priority.major, start, i)
-    nearest = solved(priority.found, priority.driven, missing, vector(work, n))
-    combined(1.0, start, 1.0, nearest, start)
-    way = combined(1.0, goal, -1.0, start, vector(work, n))
-    distance = norm(way)
-    if distance <= allowed + SAME_COMMAND * max(norm(goal), norm(start)):
-        copied(goal, out)
-        return True
-    combined(1.0, start, allowed / distance, way, out)
-    return False

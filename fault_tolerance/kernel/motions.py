@@ -1,14 +1,12 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The motions that the struts allow, and those that the drives control (Theorem 1).
+"""J and T with failures present: null space of the constraints, then the part actuators control.
 
 Everything is scaled: twists and rates are in metres per second. A failure is a move of rows
-(docs/theory.md, section 2): a stuck drive bars the motions in which it moves, a free one no longer
+(docs/theory.md, section 2): a stuck actuator adds the constraint rate = 0, a free one no longer
 counts among those that T is made of, a lost strut's rows are not there.
 """
-
-from __future__ import annotations
 
 from math import sqrt
 from typing import NamedTuple
@@ -17,14 +15,15 @@ from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
 from fault_tolerance.kernel.jacobi_svd import (
     Decomposition,
-    combined,
+    axpby,
     copied,
+    count_above,
     decomposed,
     dot,
     largest_of,
     orthonormalise,
     product,
-    rank_of,
+    set_zero,
 )
 from fault_tolerance.kernel.scratch import matrix, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
@@ -32,126 +31,108 @@ from fault_tolerance.tolerances import RANK_TOLERANCE, ROUNDING_TOLERANCE
 
 
 class Structure(NamedTuple):
-    """The g structural rows of the attached struts, decomposed.
+    """The g constraint rows of the attached struts.
 
-    ``columns`` (6, g) are the columns of these rows, ``owner`` (g,) the strut of each; ``found``
-    is their decomposition.
+    ``columns`` (6, g) are the columns of these rows, ``strut_of_row`` (g,) the strut of each;
+    ``svd`` is their decomposition.
     """
 
     columns: FloatArray
-    owner: FloatArray
-    found: Decomposition
+    strut_of_row: FloatArray
+    svd: Decomposition
 
 
 class Kinematics(NamedTuple):
     """J and T in some state of failure.
 
     ``motions`` (n, 6 + N), one for each reduced rate, and ``driving`` (N,) are as in an estimate;
-    ``drifting`` counts the platform's motions with every drive at rest.
+    ``uncontrolled`` counts the platform's motions with every actuator at rest (J_xi != 0: not
+    stable).
     """
 
     motions: FloatArray
     driving: FloatArray
-    drifting: int
+    uncontrolled: int
 
 
-def holds(strut: IntArray, failed: FloatArray, j: int) -> bool:
-    """Return whether actuator ``j`` is in a ``strut`` (N,) that has not ``failed``."""
+def is_attached(strut: IntArray, failed: FloatArray, j: int) -> bool:
+    """Return whether actuator ``j`` is in a ``strut`` (N,) that is not lost."""
     return strut[j] < 0 or failed[strut[j]] == 0.0
 
 
-def drives_left(m: Model, failed: FloatArray, out: FloatArray) -> FloatArray:
-    """Write 1 for actuators (N,) of ``m`` that drive with what has ``failed``; return ``out``."""
-    s, n = len(m.chains.joints), len(out)
-    strut = m.chains.strut
-    for j in range(n):
-        gone = failed[s + j] + failed[s + n + j]
-        out[j] = 1.0 if gone == 0.0 and holds(strut, failed, j) else 0.0
-    return out
-
-
 def structure_of(m: Model, e: EstimateArrays, failed: FloatArray) -> Structure:
-    """Return what those struts of ``m``, factorised in ``e``, bar that have not ``failed``."""
-    count = 0
+    """Return the constraint rows of the struts that are not lost."""
+    count = index = 0
     for s in range(len(e.ranks)):
         if failed[s] == 0.0:
             count += 6 - int(e.ranks[s, 0] + e.ranks[s, 1])
-    columns, owner, place = matrix(m.work, 6, count), vector(m.work, count), 0
+    columns, strut_of_row = matrix(m.work, 6, count), vector(m.work, count)
     for s in range(len(e.ranks)):
         if failed[s] == 0.0:
             for i in range(int(e.ranks[s, 0] + e.ranks[s, 1]), 6):
                 for j in range(6):
-                    columns[j, place] = e.q[s, i, j]
-                owner[place] = s
-                place += 1
-    return Structure(columns, owner, decomposed(m.work, columns))
+                    columns[j, index] = e.q[s, i, j]
+                strut_of_row[index] = s
+                index += 1
+    return Structure(columns, strut_of_row, decomposed(m.work, columns))
 
 
-def kept_constraints(sigma: FloatArray, compliance: float) -> int:
+def constraint_rank(sigma: FloatArray, compliance: float) -> int:
     """Return how many of ``sigma`` a ``compliance`` does not absorb (theory, section 6)."""
-    threshold, count = max(compliance, RANK_TOLERANCE * largest_of(sigma)), 0
-    for k in range(len(sigma)):
-        if sigma[k] > threshold:
-            count += 1
-    return count
+    return count_above(sigma, max(compliance, RANK_TOLERANCE * largest_of(sigma)))
 
 
-def freedom_of(m: Model, e: EstimateArrays, failed: FloatArray, kept: int) -> int:
-    """Return how many motions ``kept`` constraints leave, those of drives alone included.
-
-    Of ``m`` with its struts factorised in ``e``, without those that ``failed`` says are lost.
-    """
+def freedom_of(m: Model, e: EstimateArrays, failed: FloatArray, rank: int) -> int:
+    """Return how many motions ``rank`` constraints leave, self motions of actuators included."""
     if len(m.chains.joints) == 0:
         return len(m.given)
-    count = 6 - kept
-    for c in range(int(e.facts[at.SPARE])):
-        if _moves_any(m, e.spare[c], failed):
+    count = 6 - rank
+    for c in range(int(e.facts[at.SELF_MOTIONS])):
+        if _moves_any(m, e.self_motions[c], failed):
             count += 1
     return count
 
 
-def allowed_motions(
+def constraint_null_space(
     m: Model,
     e: EstimateArrays,
     failed: FloatArray,
     structure: Structure,
-    kept: int,
+    rank: int,
     out: FloatArray,
 ) -> FloatArray:
-    """Write a basis (w, 6 + N) of all motions that the rows allow, no drive locked yet.
+    """Write a basis (`freedom_of`, 6 + N) of the motions that ``rank`` constraints leave.
 
-    To ``out``, of ``m`` with its struts factorised in ``e``; ``kept`` constraints of the
-    ``structure`` count, which leave the `freedom_of` w. The twists are orthonormal where the
-    platform determines every drive; elsewhere the motions are. Rates in struts that have
-    ``failed`` are zero. Returns ``out``.
+    They are those of the ``structure``; no actuator is stuck yet. The twists are orthonormal where
+    the platform determines every actuator; elsewhere the motions are. Rates in lost struts are
+    zero. Returns ``out``.
     """
     if len(m.chains.joints) == 0:
         for c in range(len(out)):
             copied(m.given[c], out[c])
         return out
-    scale, strut, rows, place = m.drives.scale, m.chains.strut, e.rows, 6 - kept
-    for c in range(place):
-        free = structure.found.right[kept + c]
+    scale, strut, rows, index = m.actuators.scale, m.chains.strut, e.rows, 6 - rank
+    for c in range(index):
+        free = structure.svd.right[rank + c]
         copied(free, out[c])
         for j in range(len(strut)):
-            out[c, 6 + j] = scale[j] * dot(rows[j], free) if holds(strut, failed, j) else 0.0
-    for c in range(int(e.facts[at.SPARE])):
-        spare = e.spare[c]
-        if _moves_any(m, spare, failed):
-            for i in range(6):
-                out[place, i] = 0.0
+            out[c, 6 + j] = scale[j] * dot(rows[j], free) if is_attached(strut, failed, j) else 0.0
+    for c in range(int(e.facts[at.SELF_MOTIONS])):
+        own = e.self_motions[c]
+        if _moves_any(m, own, failed):
+            set_zero(out[index, :6])
             for j in range(len(strut)):
-                out[place, 6 + j] = scale[j] * spare[j] if holds(strut, failed, j) else 0.0
-            place += 1
+                out[index, 6 + j] = scale[j] * own[j] if is_attached(strut, failed, j) else 0.0
+            index += 1
     if e.facts[at.REGULAR] == 0.0:
         orthonormalise(out)
     return out
 
 
-def _moves_any(m: Model, spare: FloatArray, failed: FloatArray) -> bool:
-    """Return whether a ``spare`` motion (N,) moves a drive of a strut that has not ``failed``."""
-    for j in range(len(spare)):
-        if spare[j] != 0.0 and holds(m.chains.strut, failed, j):
+def _moves_any(m: Model, self_motion: FloatArray, failed: FloatArray) -> bool:
+    """Return whether a ``self_motion`` (N,) moves an actuator of a strut that is not lost."""
+    for j in range(len(self_motion)):
+        if self_motion[j] != 0.0 and is_attached(m.chains.strut, failed, j):
             return True
     return False
 
@@ -164,63 +145,13 @@ def rates_of(motions: FloatArray, chosen: FloatArray, out: FloatArray) -> FloatA
     return out
 
 
-def twists_of(motions: FloatArray, out: FloatArray) -> FloatArray:
-    """Write the twists (w, 6) of ``motions``; return ``out``."""
-    for c in range(len(motions)):
-        for i in range(6):
-            out[c, i] = motions[c, i]
-    return out
-
-
-def size_of(rows: FloatArray, begin: int, end: int) -> float:
+def norm_of_columns(rows: FloatArray, begin: int, end: int) -> float:
     """Return the norm of all that stands in columns ``begin`` to ``end`` of ``rows``."""
     total = 0.0
     for c in range(len(rows)):
         for i in range(begin, end):
             total += rows[c, i] * rows[c, i]
     return sqrt(total)
-
-
-def controlled(
-    work: FloatArray, motions: FloatArray, stuck: FloatArray, driving: FloatArray
-) -> Kinematics:
-    """Return the motions that some drives control, with some stuck (docs/theory.md, eq. 8-10).
-
-    All ``motions`` (w, 6 + N) allowed are changed in place; ``stuck`` and ``driving`` (N,) are 1
-    for the actuators that are stuck, and for those that still drive. The result is part of
-    ``work``.
-    """
-    n = len(driving)
-    # Motions are unit vectors in metres per second. Rates are small or not beside that, so that
-    # a drive which does not move at all is not mistaken for a slow one.
-    scale = max(1.0, size_of(motions, 6, 6 + n))
-    if any_of(stuck):
-        locked = decomposed(work, rates_of(motions, stuck, matrix(work, len(motions), n)))
-        rank = rank_of(locked.sigma, scale)
-        left = matrix(work, len(motions) - rank, 6 + n)
-        motions = product(locked.right, rank, motions, left)
-        for c in range(len(motions)):
-            for j in range(n):
-                motions[c, 6 + j] *= 1.0 - stuck[j]
-    rates, drifting = matrix(work, len(motions), n), 0
-    found = decomposed(work, rates_of(motions, driving, rates))
-    rank = rank_of(found.sigma, scale)
-    if rank < len(motions):
-        free = product(found.right, rank, motions, matrix(work, len(motions) - rank, 6 + n))
-        drift = decomposed(work, twists_of(free, matrix(work, len(free), 6)))
-        drifting = rank_of(drift.sigma, 1.0)
-        # What the drives do not determine is chosen as the shortest motion.
-        orthonormalise(motions)
-        found = decomposed(work, rates_of(motions, driving, rates))
-    result = product(found.right, 0, motions, matrix(work, rank, 6 + n))
-    left, sigma = found.left, found.sigma
-    for k in range(rank):
-        combined(1.0 / sigma[k], result[k], 0.0, result[k], result[k])
-        for j in range(n):
-            if driving[j] != 0.0:
-                result[k, 6 + j] = left[k, j]
-    _clear_rounding(result)
-    return Kinematics(result, driving, drifting)
 
 
 def any_of(flags: FloatArray) -> bool:
@@ -231,29 +162,57 @@ def any_of(flags: FloatArray) -> bool:
     return False
 
 
-def _clear_rounding(motions: FloatArray) -> None:
-    """Set coordinates of the platform to zero that ``motions`` leave at rest but for rounding."""
-    least = ROUNDING_TOLERANCE * max(sqrt(len(motions)), size_of(motions, 0, 6))
-    for i in range(6):
-        if size_of(motions, i, i + 1) <= least:
-            for c in range(len(motions)):
-                motions[c, i] = 0.0
-
-
 def kinematics_of(
     m: Model, e: EstimateArrays, structure: Structure, failed: FloatArray, compliance: float
 ) -> Kinematics:
-    """Return J and T of ``m`` with what has ``failed`` (s + 2 N,).
+    """Return J and T with what has ``failed`` (docs/theory.md, eq. 8-10).
 
-    The struts are factorised in ``e``, ``structure`` is what those not lost bar, and
-    ``compliance`` absorbs some of it.
+    ``structure`` is of the struts that are not lost; ``compliance`` absorbs some of it.
     """
-    s, n = len(m.chains.joints), len(m.drives.scale)
-    kept = kept_constraints(structure.found.sigma, compliance)
-    motions = matrix(m.work, freedom_of(m, e, failed, kept), 6 + n)
-    return controlled(
-        m.work,
-        allowed_motions(m, e, failed, structure, kept, motions),
-        failed[s : s + n],
-        drives_left(m, failed, vector(m.work, n)),
-    )
+    s, n, work = len(m.chains.joints), len(m.actuators.scale), m.work
+    rank = constraint_rank(structure.svd.sigma, compliance)
+    motions = matrix(work, freedom_of(m, e, failed, rank), 6 + n)
+    constraint_null_space(m, e, failed, structure, rank, motions)
+    stuck, free, driving = failed[s : s + n], failed[s + n :], vector(work, n)
+    for j in range(n):
+        drives = stuck[j] + free[j] == 0.0 and is_attached(m.chains.strut, failed, j)
+        driving[j] = 1.0 if drives else 0.0
+    # Rank is relative to max(1, norm of the rates): motions are unit vectors in metres per second,
+    # and an actuator that does not move at all must not count as a slow one.
+    least = RANK_TOLERANCE * max(1.0, norm_of_columns(motions, 6, 6 + n))
+    if any_of(stuck):
+        locked = decomposed(work, rates_of(motions, stuck, matrix(work, len(motions), n)))
+        rank = count_above(locked.sigma, least)
+        motions = product(
+            locked.right, rank, motions, matrix(work, len(motions) - rank, 6 + n)
+        )
+        for c in range(len(motions)):
+            for j in range(n):
+                motions[c, 6 + j] *= 1.0 - stuck[j]
+    rates, uncontrolled = matrix(work, len(motions), n), 0
+    svd = decomposed(work, rates_of(motions, driving, rates))
+    rank = count_above(svd.sigma, least)
+    if rank < len(motions):
+        twists = product(svd.right, rank, motions, matrix(work, len(motions) - rank, 6))
+        uncontrolled = count_above(decomposed(work, twists).sigma, RANK_TOLERANCE)
+        # What the actuators do not determine is chosen as the shortest motion.
+        orthonormalise(motions)
+        svd = decomposed(work, rates_of(motions, driving, rates))
+    result = product(svd.right, 0, motions, matrix(work, rank, 6 + n))
+    left, sigma = svd.left, svd.sigma
+    for k in range(rank):
+        axpby(1.0 / sigma[k], result[k], 0.0, result[k], result[k])
+        for j in range(n):
+            if driving[j] != 0.0:
+                result[k, 6 + j] = left[k, j]
+    _zero_unmoved_coordinates(result)
+    return Kinematics(result, driving, uncontrolled)
+
+
+def _zero_unmoved_coordinates(motions: FloatArray) -> None:
+    """Set coordinates of the platform to zero that ``motions`` leave at rest but for rounding."""
+    least = ROUNDING_TOLERANCE * max(sqrt(len(motions)), norm_of_columns(motions, 0, 6))
+    for i in range(6):
+        if norm_of_columns(motions, i, i + 1) <= least:
+            for c in range(len(motions)):
+                motions[c, i] = 0.0

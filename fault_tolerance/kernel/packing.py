@@ -11,32 +11,33 @@ from functools import cached_property
 import numpy as np
 
 from fault_tolerance.kernel.array_layout import (
-    COUNTED,
-    ESTIMATED,
-    NUMBERED,
-    SCALARS,
-    SIZES,
+    N_COUNT_PARTS,
+    N_ESTIMATE_PARTS,
+    N_NUMBER_PARTS,
+    N_SCALARS,
+    N_SIZES,
     Law,
     Model,
     estimate_sizes,
     model_of,
 )
-from fault_tolerance.kernel.scratch import workspace_size
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.mechanism.chains import chains_of
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.tolerances import CLOSING_BAND, LARGEST_RATE
 
 MOST_COMPLIANCE = 0.99
-"""Singular values of constraints do not reach 1 where they matter."""
+"""While loops are closed: a constraint that one strut alone imposes has the singular value 1, and
+must not count as absorbed."""
 
 
 @dataclass(frozen=True, eq=False)
 class PackedModel:
     """The arrays of a model, ``counts`` and ``numbers``, see `model_of`.
 
-    ``measured`` are the same numbers with drives and task in their own units: for the measures p,
-    t and h as the paper defines them. ``work`` is the workspace of the functions that take them.
+    ``measured`` are the same numbers with actuators and task in their own units: for the measures
+    p, t and h as the paper defines them. ``work`` is the scratch memory of the functions that
+    take them.
     """
 
     counts: IntArray
@@ -52,12 +53,12 @@ class PackedModel:
     @cached_property
     def size(self) -> int:
         """How many numbers an estimate has."""
-        return int(self.view.places[-1])
+        return int(self.view.offsets[-1])
 
     @cached_property
     def pose(self) -> slice:
         """Where the pose is among them."""
-        return slice(*self.view.places[3:5].tolist())
+        return slice(*self.view.offsets[3:5].tolist())
 
 
 def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
@@ -80,7 +81,7 @@ def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
         twists = np.zeros((point.mapping.shape[1], 6))
         twists[:, task.rows] = scale[task.rows] * point.jacobian.T
         rates = mechanism.rate_scale * point.mapping.T
-    # Where all drives count alike, the measures depend on their units no more than on a factor.
+    # Where all actuators have the same unit, the measures are quotients in which it cancels.
     measure_scale = scale[task.rows] if np.ptp(mechanism.rate_scale) else np.ones(len(task.rows))
     counted = (
         joints, passive, actuator, *found, task.rows,
@@ -102,21 +103,33 @@ def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
     scaled = parts(mechanism.rate_scale, measure_scale)
     s, k = actuator.shape
     sizes = [s, k, n, len(task.rows), len(task.major_rows), len(rates)]
-    first = SIZES + COUNTED + NUMBERED + ESTIMATED
-    places = np.concatenate([
-        sizes, _places(first, [np.size(one) for one in counted]),
-        _places(SCALARS, [np.size(one) for one in scaled]),
-        _places(0, estimate_sizes(s, k, n)),
+    first = N_SIZES + N_COUNT_PARTS + N_NUMBER_PARTS + N_ESTIMATE_PARTS
+    offsets = np.concatenate([
+        sizes, _offsets(first, [np.size(one) for one in counted]),
+        _offsets(N_SCALARS, [np.size(one) for one in scaled]),
+        _offsets(0, estimate_sizes(s, k, n)),
     ])
     true = parts(np.ones(n), np.ones(len(task.rows)))
     return PackedModel(
-        np.concatenate([places, *map(np.ravel, counted)]).astype(np.int64),
+        np.concatenate([offsets, *map(np.ravel, counted)]).astype(np.int64),
         np.concatenate([scalars, *map(np.ravel, scaled)]),
         np.concatenate([scalars, *map(np.ravel, true)]),
         np.empty(workspace_size(s, k, n, len(task.rows))),
     )
 
 
-def _places(begin: int, sizes: list[int]) -> IntArray:
+def _offsets(begin: int, sizes: list[int]) -> IntArray:
     """Return where parts of these sizes begin, one after the other, and where the last ends."""
     return np.cumsum([begin, *sizes])
+
+
+def workspace_size(s: int, k: int, n: int, task: int) -> int:
+    """Return how much scratch memory is enough: ``s`` struts of ``k`` joints, ``n`` actuators.
+
+    Of estimates, structures of at most six rows a strut, and kinematics of at most ``6 + n``
+    motions several are in use at the same time, and all joints once; ``task`` coordinates.
+    """
+    estimate = 64 + (60 + 8 * k) * s + (20 + 2 * n) * n
+    structure = 200 + 160 * s
+    kinematics = (6 + n) * (42 + 9 * n + 2 * task)
+    return 2 * estimate + 7 * s * k + 3 * structure + 8 * kinematics

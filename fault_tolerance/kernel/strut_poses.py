@@ -1,46 +1,42 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a pose and joint values put the struts: product of exponentials, strut by strut.
+"""Forward kinematics of the struts (product of exponentials), and the closure error of each.
 
 Twists are scaled: rotations times the characteristic length, so that every number is in metres.
 """
 
-from __future__ import annotations
-
 from math import atan2, sin, sqrt
 
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
+from fault_tolerance.kernel.jacobi_svd import set_identity
 from fault_tolerance.kernel.scratch import matrix
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import HALF_TURN, NO_ANGLE, SERIES_ANGLE
 
 
 def place_struts(m: Model, e: EstimateArrays, screws: FloatArray) -> None:
-    """Write joint screws and openings at the pose and joint values (Murray et al. 1994, eq. 3.2).
+    """Write the joint ``screws`` and closure errors of ``e`` (Murray et al. 1994, eq. 3.2).
 
-    All joint ``screws`` (s, k, 6) of ``m``, scaled, in base axes, v at the platform's origin; and
-    the openings of ``e``, the displacements from the struts' tips to the platform.
+    The screws (s, k, 6) are scaled, in base axes, v at the platform's origin.
     """
-    mark, chains = m.work[0], m.chains
+    mark, chains, closure_error = m.work[0], m.chains, e.closure_error
     tip, turn = matrix(m.work, 3, 4), matrix(m.work, 3, 3)
     for s in range(len(chains.joints)):
-        for i in range(3):
-            for j in range(4):
-                tip[i, j] = 1.0 if i == j else 0.0
+        set_identity(tip)
         for j in range(chains.joints[s]):
             _joint_screw(chains.screws[s, j], e.pose, tip, chains.length, screws[s, j])
-            _advance(tip, chains.screws[s, j], e.values[s, j])
+            _apply_joint(tip, chains.screws[s, j], e.values[s, j])
         x, y, z = _rotated(tip, chains.origin[0], chains.origin[1], chains.origin[2])
-        e.openings[s, 3] = e.pose[0, 3] - tip[0, 3] - x
-        e.openings[s, 4] = e.pose[1, 3] - tip[1, 3] - y
-        e.openings[s, 5] = e.pose[2, 3] - tip[2, 3] - z
-        _rotation_between(e.pose, tip, chains.length, turn, e.openings[s])
+        closure_error[s, 3] = e.pose[0, 3] - tip[0, 3] - x
+        closure_error[s, 4] = e.pose[1, 3] - tip[1, 3] - y
+        closure_error[s, 5] = e.pose[2, 3] - tip[2, 3] - z
+        _rotation_between(e.pose, tip, chains.length, turn, closure_error[s])
     m.work[0] = mark
 
 
 def displace(m: Model, pose: FloatArray, twist: FloatArray) -> None:
-    """Move a ``pose`` (4, 4) of ``m`` by a scaled ``twist`` (6,), in place; it stays orthonormal.
+    """Move a ``pose`` (4, 4) by a scaled ``twist`` (6,), in place; it stays orthonormal.
 
     Poses follow from one another for hours, so each takes a Newton step towards the nearest
     rotation.
@@ -56,9 +52,8 @@ def displace(m: Model, pose: FloatArray, twist: FloatArray) -> None:
         half = sin(0.5 * angle) / angle
         sine, cosine = sin(angle) / angle, 2.0 * half * half
     for i in range(3):
-        for j in range(3):
-            turn[i, j] = 1.0 if i == j else 0.0
         pose[i, 3] += twist[3 + i]
+    set_identity(turn)
     _turn_right(turn, x, y, z, sine, cosine)
     for i in range(3):
         for j in range(3):
@@ -113,12 +108,15 @@ def _joint_screw(
     out[3], out[4], out[5] = u + dy * z - dz * y, v + dz * x - dx * z, w + dx * y - dy * x
 
 
-def _advance(tip: FloatArray, screw: FloatArray, value: float) -> None:
-    """Multiply ``tip`` (3, 4) from the right by the exponential of ``value`` times ``screw``."""
+def _apply_joint(tip: FloatArray, screw: FloatArray, value: float) -> None:
+    """Multiply ``tip`` (3, 4) from the right by the exponential of ``value`` times ``screw``.
+
+    For any unit screw: revolute, prismatic, helical.
+    """
     ax, ay, az, bx, by, bz = screw[0], screw[1], screw[2], screw[3], screw[4], screw[5]
     half, sine = sin(0.5 * value), sin(value)
     cosine, rest = 2.0 * half * half, value - sine
-    # The translation is (q + (1 - cos q) [w] + (q - sin q) [w]^2) v.
+    # The translation is (q + (1 - cos q) [w] + (q - sin q) [w]^2) v; w is zero or a unit vector.
     cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     ex, ey, ez = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
     x, y, z = _rotated(
@@ -134,7 +132,7 @@ def _advance(tip: FloatArray, screw: FloatArray, value: float) -> None:
 
 
 def _rotation_between(
-    pose: FloatArray, tip: FloatArray, length: float, turn: FloatArray, opening: FloatArray
+    pose: FloatArray, tip: FloatArray, length: float, turn: FloatArray, out: FloatArray
 ) -> None:
     """Write the scaled rotation vector of ``R_pose R_tip^T`` into the first three components.
 
@@ -166,4 +164,4 @@ def _rotation_between(
         if a * x + b * y + c * z < 0.0:
             factor = -factor
         x, y, z = a, b, c
-    opening[0], opening[1], opening[2] = factor * x, factor * y, factor * z
+    out[0], out[1], out[2] = factor * x, factor * y, factor * z

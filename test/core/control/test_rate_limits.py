@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.rate_command import initial_command, rate_command
 from fault_tolerance.kernel.law import (
+    actuator_rates,
     asked_velocity,
     limited,
     prioritised,
     rate_bounds,
-    scaled_rates,
 )
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -26,7 +26,7 @@ from fault_tolerance.tolerances import LARGEST_RATE
 FSM = mechanism_named('fsm_4_strut')
 NAMES = FSM.actuator_names
 MODEL = modelled(FSM)
-DRIVES = MODEL.packed.view.drives.scale
+DRIVES = MODEL.packed.view.actuators.scale
 
 
 class Limited:
@@ -34,7 +34,8 @@ class Limited:
 
     def __init__(self, asked, low, high, failures=(), scale=1.0):
         found = estimate(MODEL, MODEL.unknown, np.zeros(4), failure_set(FSM, failures)).arrays
-        self.mapping, self.jacobian = found.mapping, found.jacobian
+        self.mapping = found.driving[:, None] * found.follow
+        self.jacobian = found.jacobian
         task, law = MODEL.packed.view.task, MODEL.packed.view.law
         work = MODEL.packed.work
         work[0] = 1.0
@@ -42,15 +43,15 @@ class Limited:
         whole = prioritised(
             work, task, found.motions, wanted, law.singular_below, law.poor_below)
         low, high = (np.broadcast_to(np.asarray(one, float), (4,)) for one in (low, high))
-        within = limited(
-            work, DRIVES, found.motions, whole.first, whole.second, -low, high, scale)
-        self.scale, self.share = within.scale, within.share
+        saturated = np.empty(4)
+        self.scale, self.share = limited(
+            work, DRIVES, found.motions, whole.first, whole.second, scale, -low, high, saturated)
         self.saturation = tuple(
-            name for name, over in zip(NAMES, within.saturated, strict=True) if over)
+            name for name, over in zip(NAMES, saturated, strict=True) if over)
         self.whole = whole.first + whole.second
-        self.reduced = within.scale * (whole.first + within.share * whole.second)
-        self.rates = scaled_rates(DRIVES, found.motions, self.reduced, 1.0, np.empty(4))
-        self.whole_rates = scaled_rates(DRIVES, found.motions, self.whole, 1.0, np.empty(4))
+        self.reduced = self.scale * (whole.first + self.share * whole.second)
+        self.rates = actuator_rates(DRIVES, found.motions, self.reduced, 1.0, np.empty(4))
+        self.whole_rates = actuator_rates(DRIVES, found.motions, self.whole, 1.0, np.empty(4))
         scale = MODEL.packed.view.task.scale
         self.achieved = (found.jacobian @ self.reduced / scale)[task.rows]
         self.whole_achieved = (found.jacobian @ self.whole / scale)[task.rows]
@@ -102,10 +103,12 @@ def test_rounding_at_the_end_of_a_stroke_does_not_stop_everything():
     motions = np.hstack([np.zeros((4, 6)), np.eye(4)])
     work = MODEL.packed.work
     work[0] = 1.0
-    found = limited(work, np.ones(4), motions, major, noise, -bounds, bounds, 1.0)
+    saturated = np.empty(4)
+    scale, _ = limited(
+        work, np.ones(4), motions, major, noise, 1.0, -bounds, bounds, saturated)
 
-    assert found.scale == 1.0
-    assert not found.saturated.any()
+    assert scale == 1.0
+    assert not saturated.any()
 
 
 def test_an_initial_scale_is_part_of_the_result():
@@ -171,7 +174,7 @@ def test_no_more_is_given_up_than_need_be(asked, limit):
 
 def bounds_of(mechanism, values, gain):
     lower, upper = np.empty(len(values)), np.empty(len(values))
-    drives = modelled(mechanism).packed.view.drives
+    drives = modelled(mechanism).packed.view.actuators
     rate_bounds(drives, gain, np.asarray(values, float), lower, upper)
     return lower, upper
 

@@ -142,7 +142,7 @@ def compare(model, values, failures, deviations):
         off = np.abs(found.actuator_values - expected.actuator_values)[~np.array(lost)]
         deviations.note('actuators', off.max(initial=0.0), where)
     deviations.note('mobility', found.mobility != present.mobility, where)
-    drifting = int(found.numbers[at.DRIFTING])
+    drifting = int(found.numbers[at.UNCONTROLLED])
     deviations.note('drifting', drifting != present.unactuated.shape[1], where)
     tolerated = not intolerance(post, model.settings.tolerance_threshold) if failures \
         else post.verdict.tolerable
@@ -178,9 +178,10 @@ def _compare_kinematics(arrays, post, deviations, where):
         twist[mechanism.task.rows] = scale[mechanism.task.rows] * present.jacobian
         mapping, rates = drives * present.mapping, drives * present.rate_map
     basis, _ = np.linalg.qr(mapping)
-    off = np.abs(arrays.mapping @ arrays.mapping.T - basis @ basis.T).max(initial=0.0)
+    found = arrays.driving[:, None] * arrays.follow
+    off = np.abs(found @ found.T - basis @ basis.T).max(initial=0.0)
     deviations.note('mapping', off, where)
     inverse = np.linalg.pinv(mapping)
-    off = relative(arrays.jacobian @ arrays.mapping.T, twist @ inverse)
+    off = relative(arrays.jacobian @ found.T, twist @ inverse)
     deviations.note('jacobian', off, where)
-    deviations.note('follow', relative(arrays.follow @ arrays.mapping.T, rates @ inverse), where)
+    deviations.note('follow', relative(arrays.follow @ found.T, rates @ inverse), where)

@@ -33,8 +33,9 @@ def walk(mechanism, rng):
 def results_of(found: Estimate, asked) -> list:
     """Return what an estimate says, and the command that follows from it."""
     command = rate_command(found.model, found, asked, initial_command(found.model), 0.0)
-    free = [found.arrays.mapping @ found.arrays.mapping.T,
-            found.arrays.jacobian @ found.arrays.mapping.T]
+    arrays = found.arrays
+    mapping = arrays.driving[:, None] * arrays.follow
+    free = [mapping @ mapping.T, arrays.jacobian @ mapping.T]
     return [found.pose, found.actuator_values, *free, found.measures(), command.rates]
 
 

@@ -12,6 +12,7 @@ from core.mechanisms import DOCUMENTS, by_numbers, made
 
 from fault_tolerance.control.estimate import estimate
 from fault_tolerance.control.rate_command import initial_command, rate_command, zero_command
+from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.compilation import best_kernel, python_kernel
 from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
@@ -121,10 +122,10 @@ class Oracle:
         factor, share = self.fitted(first, second, ends)
         goal = factor * (first + share * second)
         sent = self.drives * before.rates, (self.scale * before.twist)[rows]
-        begins = before.failures != failures or not before.numbers[8] or self.under_way
-        self.under_way = bool(begins and np.isfinite(before.numbers[7]))
+        begins = before.failures != failures or not before.numbers[at.MOVED] or self.under_way
+        self.under_way = bool(begins and np.isfinite(before.numbers[at.TIME]))
         if self.under_way and self.rates(goal).any():
-            goal = self.on_the_way(major, mapping, goal, sent, ends, now - before.numbers[7])
+            goal = self.on_the_way(major, mapping, goal, sent, ends, now - before.numbers[at.TIME])
         result = self.follow @ goal / self.drives, jacobian @ goal / self.scale
         return *result, np.clip(slow, 0.0, 1.0) * factor, share
 
@@ -346,5 +347,5 @@ def test_an_eased_command_never_jumps_more_than_the_one_it_leads_to():
             jumps = [np.linalg.norm(drives * (each.rates - before.rates)) for each in (one, other)]
             speed = np.linalg.norm(drives * one.rates) + np.linalg.norm(drives * other.rates)
             assert jumps[0] <= jumps[1] * (1.0 + 1e-6) + 1e-9 * speed, (name, first, then)
-            if first != then and one.numbers[8] and other.rates.any():
+            if first != then and one.numbers[at.MOVED] and other.rates.any():
                 np.testing.assert_allclose(one.rate_jump, jumps[0], rtol=1e-9, atol=1e-9 * speed)

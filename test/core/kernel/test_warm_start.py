@@ -70,7 +70,7 @@ def test_a_lost_strut_that_cannot_follow_keeps_no_loop_from_closing():
     model = modelled(linkage(), best_kernel())
     last = beyond_the_dead_centre(model, lost)
     numbers = last.numbers.copy()
-    estimate_of(model.packed.view, numbers).openings[2] = np.inf
+    estimate_of(model.packed.view, numbers).closure_error[2] = np.inf
     found = estimate(model, replace(last, numbers=numbers), np.array([0.0, np.nan]), lost)
     assert found.hold_reason == ''
     np.testing.assert_allclose(found.pose, last.pose, rtol=0.0, atol=1e-9)
