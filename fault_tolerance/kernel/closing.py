@@ -65,7 +65,7 @@ def closed(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) 
     """Move ``e`` to where the loops of the attached struts close and the readings fit best.
 
     ``target`` (N,) are joint values read, NaN where there is none; those of lost struts are not
-    looked at.
+    looked at. Returns how that has ended.
     """
     mark, arrived, last_rank, last_error = m.work[0], False, -1, inf
     for _ in range(MOST_FACTORISATIONS):

@@ -131,16 +131,16 @@ def hard_measure(m: Model, before: Kinematics, after: Kinematics) -> float:
     order = rank_of(whole.sigma)
     columns = matrix(work, len(after.motions), len(every))
     columns_of(m.task, after.motions, every, True, columns)
-    projected = matrix(work, len(columns), order)
+    projected, left = matrix(work, len(columns), order), whole.left
     for i in range(len(columns)):
         for k in range(order):
-            projected[i, k] = dot(columns[i], whole.left[k])
+            projected[i, k] = dot(columns[i], left[k])
     sigma = decomposed(work, projected).sigma
     work[0] = mark
-    left = manipulability(sigma, order, largest_of(sigma))
-    if left == 0.0:
+    kept = manipulability(sigma, order, largest_of(sigma))
+    if kept == 0.0:
         return 0.0
-    return manipulability(whole.sigma, order, largest_of(whole.sigma)) / left
+    return manipulability(whole.sigma, order, largest_of(whole.sigma)) / kept
 
 
 def staged_kinematics(

@@ -193,7 +193,10 @@ def kinematics_of(
     svd = decomposed(work, rates_of(motions, driving, rates))
     rank = count_above(svd.sigma, least)
     if rank < len(motions):
-        twists = product(svd.right, rank, motions, matrix(work, len(motions) - rank, 6))
+        free = product(svd.right, rank, motions, matrix(work, len(motions) - rank, 6 + n))
+        twists = matrix(work, len(free), 6)
+        for c in range(len(free)):
+            copied(free[c, :6], twists[c])
         uncontrolled = count_above(decomposed(work, twists).sigma, RANK_TOLERANCE)
         # What the actuators do not determine is chosen as the shortest motion.
         orthonormalise(motions)
