@@ -229,8 +229,10 @@ class EstimateArrays(NamedTuple):
 
 def estimate_sizes(s: int, k: int, n: int) -> list[int]:
     """Return the sizes of an estimate's parts: ``s`` struts of ``k`` joints, ``n`` actuators."""
-    place = [s + 2 * n, n, 16, s * k, n, 6 * s]
-    return [N_FACTS, *place, 36 * s, 6 * s * k, s * k, 2 * s, 6 * n, n * n, n * (6 + n)]
+    return [
+        N_FACTS, s + 2 * n, n, 16, s * k, n, 6 * s,
+        36 * s, 6 * s * k, s * k, 2 * s, 6 * n, n * n, n * (6 + n),
+    ]
 
 
 def estimate_of(m: Model, numbers: FloatArray) -> EstimateArrays:
@@ -238,19 +240,12 @@ def estimate_of(m: Model, numbers: FloatArray) -> EstimateArrays:
     s, k = m.chains.actuator.shape
     n, p, v, width = len(m.actuators.scale), m.offsets, numbers, int(numbers[MOBILITY])
     return EstimateArrays(
-        v[: p[1]],
-        v[p[1] : p[2]],
-        v[p[2] : p[3]],
-        v[p[3] : p[4]].reshape((4, 4)),
-        v[p[4] : p[5]].reshape((s, k)),
-        v[p[5] : p[6]],
-        v[p[6] : p[7]].reshape((s, 6)),
-        v[p[7] : p[8]].reshape((s, 6, 6)),
-        v[p[8] : p[9]].reshape((s, k, 6)),
-        v[p[9] : p[10]].reshape((s, k)),
-        v[p[10] : p[11]].reshape((s, 2)),
-        v[p[11] : p[12]].reshape((n, 6)),
-        v[p[12] : p[13]].reshape((n, n)),
+        v[: p[1]], v[p[1] : p[2]], v[p[2] : p[3]],
+        v[p[3] : p[4]].reshape((4, 4)), v[p[4] : p[5]].reshape((s, k)),
+        v[p[5] : p[6]], v[p[6] : p[7]].reshape((s, 6)),
+        v[p[7] : p[8]].reshape((s, 6, 6)), v[p[8] : p[9]].reshape((s, k, 6)),
+        v[p[9] : p[10]].reshape((s, k)), v[p[10] : p[11]].reshape((s, 2)),
+        v[p[11] : p[12]].reshape((n, 6)), v[p[12] : p[13]].reshape((n, n)),
         v[p[13] : p[13] + width * (6 + n)].reshape((width, 6 + n)),
     )
 

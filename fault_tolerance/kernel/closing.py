@@ -67,7 +67,8 @@ def closed(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) 
     ``target`` (N,) are joint values read, NaN where there is none; those of lost struts are not
     looked at. Returns how that has ended.
     """
-    mark, arrived, last_rank, last_error = m.work[0], False, -1, inf
+    mark = m.work[0]
+    arrived, last_rank, last_error = False, -1, inf
     for _ in range(MOST_FACTORISATIONS):
         m.work[0] = mark
         structure = structure_of(m, e, failed)
@@ -92,7 +93,8 @@ def largest_misfit(
     m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray
 ) -> float:
     """Return by how much ``target`` (N,) and the values in attached struts differ, m, at most."""
-    largest, strut, joint, values = 0.0, m.chains.strut, m.chains.joint, e.values
+    strut, joint, values = m.chains.strut, m.chains.joint, e.values
+    largest = 0.0
     for j in range(len(target)):
         if strut[j] >= 0 and is_attached(strut, failed, j) and isfinite(target[j]):
             off = abs(target[j] - values[strut[j], joint[j]])
@@ -128,7 +130,8 @@ def _constraint_error(
     """Write the closure error along each constraint row; return ``out``."""
     columns, strut_of_row = structure.columns, structure.strut_of_row
     for i in range(len(out)):
-        own, out[i] = closure_error[int(strut_of_row[i])], 0.0
+        own = closure_error[int(strut_of_row[i])]
+        out[i] = 0.0
         for c in range(6):
             out[i] += columns[c, i] * own[c]
     return out

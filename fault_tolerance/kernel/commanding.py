@@ -46,26 +46,10 @@ def command(
 ) -> None:
     """Write the rates that serve a task velocity (`CommandArrays`); see `kernel.law`.
 
-    Parameters
-    ----------
-    counts, numbers : arrays
-        The model, see `model_of`.
-    estimated : array
-        The estimate to go by.
-    readings : (N,) array
-        Joint values from home, for the ends of strokes; NaN where there is none.
-    velocity : (l,) array
-        Task velocity, rad/s and m/s, in the task's order.
-    before : array
-        The last command.
-    now : float
-        Seconds.
-    changed : bool
-        Whether the failures are not those of the last command.
-    out : array
-        Of `command_size`.
-    work : array
-        Of `workspace_size`.
+    ``counts`` and ``numbers`` are the model (`model_of`), ``estimated`` is the estimate.
+    ``readings`` (N,) are joint values from home, for the ends of strokes, NaN where there is none;
+    ``velocity`` (l,) is rad/s and m/s, in the task's order. ``before`` is the last command,
+    ``now`` the time (s), and ``changed`` says that the failures are not those of that command.
     """
     work[0] = 1.0
     m = model_of(counts, numbers, work)

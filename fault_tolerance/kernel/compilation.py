@@ -229,7 +229,7 @@ def _kinds(types: Any) -> dict[str, Any]:
 
 
 def _options(function: FunctionType) -> dict[str, Any]:
-    """Return what numba is told of a function: those with a workspace make no arrays."""
+    """Return what numba is told of a function: only `evidence` makes arrays."""
     return {'error_model': 'numpy', '_nrt': function.__module__ == evidence.__name__}
 
 
@@ -246,8 +246,8 @@ def _inlined(functions: list[FunctionType]) -> set[FunctionType]:
 
     numba optimises a function anew, with all that it calls, in every function that calls it: one
     with a single caller becomes part of that. What an entry point calls stays for itself: as one
-    function the whole of an estimate is a third slower. Parts of the workspace cannot be returned
-    from a function.
+    function the whole of an estimate is a third slower. A part of the scratch memory cannot be
+    returned from a function, so `scratch` is always inlined.
     """
     callers = Counter(
         one.__globals__.get(name) for one in functions for name in _global_names(one)

@@ -42,20 +42,9 @@ def estimate(
 ) -> None:
     """Write where the mechanism is and what its failures leave of it (`EstimateArrays`).
 
-    Parameters
-    ----------
-    counts, numbers : arrays
-        The model, see `model_of`.
-    failures : (s + 2 N,) array
-        1 for every strut lost, actuator stuck, and actuator free.
-    before : array
-        The last estimate: warm start, and what hysteresis remembers.
-    readings : (N,) array
-        Joint values from home; NaN where there is none.
-    out : array
-        As long as ``before``.
-    work : array
-        Of `workspace_size`.
+    ``counts`` and ``numbers`` are the model (`model_of`), ``failures`` what has failed,
+    ``readings`` (N,) joint values from home, NaN where there is none. ``before`` is the last
+    estimate: warm start, and what hysteresis remembers.
     """
     work[0] = 1.0
     m = model_of(counts, numbers, work)
@@ -93,15 +82,8 @@ def measures(
 ) -> None:
     """Write p, t, h of the failures present, then p (N,), t (N,), h (s,) of each further one.
 
-    Parameters
-    ----------
-    counts, numbers : arrays
-        The model; its `Actuators.scale` and `TaskRows.measure` say in which units.
-    estimated : array
-        The estimate to go by.
-    out : (3 + 2 N + s,) array
-    work : array
-        Of `workspace_size`.
+    At an ``estimated`` configuration of the model in ``counts`` and ``numbers``, whose
+    `Actuators.scale` and `TaskRows.measure` say in which units.
     """
     work[0] = 1.0
     m = model_of(counts, numbers, work)
@@ -124,8 +106,9 @@ def _located(
     if len(m.chains.joints) == 0:
         return Closing(True, 0.0)
     known = last.facts[at.LOCATED] != 0.0
-    numbers, closing = copied(start, vector(m.work, len(out))), Closing(False, 0.0)
-    there, misfit, far = estimate_of(m, numbers), inf, False
+    numbers = copied(start, vector(m.work, len(out)))
+    there = estimate_of(m, numbers)
+    closing, misfit, far = Closing(False, 0.0), inf, False
     for attempt in range(0 if known else 1, 2):
         copied(start, numbers)
         if attempt == 1:

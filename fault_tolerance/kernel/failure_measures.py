@@ -253,10 +253,11 @@ def judged(m: Model, e: EstimateArrays, last: EstimateArrays, failed: FloatArray
     compliance by `COMPLIANCE_BAND`: otherwise the verdict would change with every noisy reading
     while a scan crosses it.
     """
-    same, facts, limit = True, e.facts, COMPLIANCE_BAND * m.law.compliance
+    facts, mark = e.facts, m.work[0]
+    compliance, limit = m.law.compliance, COMPLIANCE_BAND * m.law.compliance
+    same = True
     for i in range(len(failed)):
         same = same and failed[i] == last.failed[i]
-    compliance, mark = m.law.compliance, m.work[0]
     for _ in range(2):
         m.work[0] = mark
         stages = staged_kinematics(m, e, failed, compliance)

@@ -3,8 +3,6 @@
 
 """A mechanism and its controller's settings as the flat arrays the kernel takes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -72,19 +70,20 @@ def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
     if point is None:
         chains = chains_of(mechanism)
         joints, actuator, screws = chains.real.sum(axis=1), chains.actuator, chains.screws
-        found, passive = chains.places, (chains.real & (actuator < 0)).sum(axis=1)
+        strut, joint = chains.places
+        passive = (chains.real & (actuator < 0)).sum(axis=1)
         twists, rates = np.zeros((0, 6)), np.zeros((0, n))
     else:
         joints = passive = np.zeros(0, np.intp)
         actuator, screws = np.zeros((0, 0), np.intp), np.zeros((0, 0, 6))
-        found = np.full(n, -1), np.full(n, -1)
+        strut = joint = np.full(n, -1)
         twists = np.zeros((point.mapping.shape[1], 6))
         twists[:, task.rows] = scale[task.rows] * point.jacobian.T
         rates = mechanism.rate_scale * point.mapping.T
     # Where all actuators have the same unit, the measures are quotients in which it cancels.
     measure_scale = scale[task.rows] if np.ptp(mechanism.rate_scale) else np.ones(len(task.rows))
     counted = (
-        joints, passive, actuator, *found, task.rows,
+        joints, passive, actuator, strut, joint, task.rows,
         np.concatenate([task.major_rows, task.secondary_rows]),
     )
     compliance = mechanism.compliance

@@ -182,7 +182,8 @@ def _solve_for_actuators(m: Model, e: EstimateArrays) -> None:
         for row in range(end - 1, begin - 1, -1):
             col = passive + row - begin
             j, pivot = actuator[int(order[col])], r[col, row]
-            own, size = copied(e.q[s, row], rows[j]), abs(pivot) / scale[j]
+            own = copied(e.q[s, row], rows[j])
+            size = abs(pivot) / scale[j]
             least, most = min(least, size), max(most, size)
             for later in range(col + 1, joints):
                 other, share = actuator[int(order[later])], r[later, row]
