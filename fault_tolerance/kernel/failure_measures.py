@@ -137,10 +137,10 @@ def hard_measure(m: Model, before: Kinematics, after: Kinematics) -> float:
             projected[i, k] = dot(columns[i], left[k])
     sigma = decomposed(work, projected).sigma
     work[0] = mark
-    kept = manipulability(sigma, order, largest_of(sigma))
-    if kept == 0.0:
+    remaining = manipulability(sigma, order, largest_of(sigma))
+    if remaining == 0.0:
         return 0.0
-    return manipulability(whole.sigma, order, largest_of(whole.sigma)) / kept
+    return manipulability(whole.sigma, order, largest_of(whole.sigma)) / remaining
 
 
 def staged_kinematics(
