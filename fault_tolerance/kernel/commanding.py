@@ -17,7 +17,7 @@ from fault_tolerance.kernel.array_layout import (
     estimate_of,
     model_of,
 )
-from fault_tolerance.kernel.jacobi_svd import axpby, copied, norm, set_zero, weighted_sum
+from fault_tolerance.kernel.jacobi_svd import axpby, copied, norm, weighted_sum
 from fault_tolerance.kernel.law import (
     actuator_rates,
     asked_velocity,
@@ -26,7 +26,7 @@ from fault_tolerance.kernel.law import (
     rate_bounds,
 )
 from fault_tolerance.kernel.motions import norm_of_columns
-from fault_tolerance.kernel.scratch import vector
+from fault_tolerance.kernel.scratch import set_zero, vector
 from fault_tolerance.kernel.transition import ease
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import OBSTACLE_BAND

@@ -23,8 +23,8 @@ from fault_tolerance.kernel.failure_measures import (
     present_measures,
     staged_kinematics,
 )
-from fault_tolerance.kernel.jacobi_svd import copied, set_identity, set_zero
-from fault_tolerance.kernel.scratch import vector
+from fault_tolerance.kernel.jacobi_svd import copied
+from fault_tolerance.kernel.scratch import set_identity, set_zero, vector
 from fault_tolerance.kernel.strut_poses import place_struts
 from fault_tolerance.kernel.strut_qr import factorise
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray

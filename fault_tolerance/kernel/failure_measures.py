@@ -19,7 +19,6 @@ from fault_tolerance.kernel.jacobi_svd import (
     largest_of,
     product,
     rank_of,
-    set_zero,
 )
 from fault_tolerance.kernel.motions import (
     Kinematics,
@@ -30,7 +29,7 @@ from fault_tolerance.kernel.motions import (
     rates_of,
     structure_of,
 )
-from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import COMPLIANCE_BAND, RANK_TOLERANCE
 

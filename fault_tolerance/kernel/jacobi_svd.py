@@ -9,7 +9,7 @@ LAPACK spends most of a call on a 4 x 6 matrix on its way to the work.
 from math import sqrt
 from typing import NamedTuple
 
-from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, set_identity, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import MACHINE_TOLERANCE, RANK_TOLERANCE
 
@@ -40,20 +40,6 @@ def dot(a: FloatArray, b: FloatArray) -> float:
 def norm(a: FloatArray) -> float:
     """Return the Euclidean norm of a vector ``a`` (k,)."""
     return sqrt(dot(a, a))
-
-
-def set_zero(out: FloatArray) -> FloatArray:
-    """Set all of a vector (k,) to zero; return ``out``."""
-    for i in range(len(out)):
-        out[i] = 0.0
-    return out
-
-
-def set_identity(out: FloatArray) -> None:
-    """Set ``out`` (r, c) to one on the diagonal and zero elsewhere."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[i, j] = 1.0 if i == j else 0.0
 
 
 def copied(given: FloatArray, out: FloatArray) -> FloatArray:

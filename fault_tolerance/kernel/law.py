@@ -34,10 +34,9 @@ from fault_tolerance.kernel.jacobi_svd import (
     largest_of,
     product,
     pseudo_solve,
-    set_zero,
     weighted_sum,
 )
-from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, RANK_TOLERANCE
 

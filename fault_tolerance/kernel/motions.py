@@ -23,9 +23,8 @@ from fault_tolerance.kernel.jacobi_svd import (
     largest_of,
     orthonormalise,
     product,
-    set_zero,
 )
-from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.scratch import matrix, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, ROUNDING_TOLERANCE
 

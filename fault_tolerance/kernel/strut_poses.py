@@ -9,8 +9,7 @@ Twists are scaled: rotations times the characteristic length, so that every numb
 from math import atan2, sin, sqrt
 
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
-from fault_tolerance.kernel.jacobi_svd import set_identity
-from fault_tolerance.kernel.scratch import matrix
+from fault_tolerance.kernel.scratch import matrix, set_identity
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import HALF_TURN, NO_ANGLE, SERIES_ANGLE
 

@@ -16,8 +16,8 @@ from math import sqrt
 
 from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
-from fault_tolerance.kernel.jacobi_svd import axpby, copied, dot, set_identity, set_zero
-from fault_tolerance.kernel.scratch import vector
+from fault_tolerance.kernel.jacobi_svd import axpby, copied, dot
+from fault_tolerance.kernel.scratch import set_identity, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 

@@ -7,17 +7,9 @@ from math import sqrt
 
 from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import CommandArrays, Model
-from fault_tolerance.kernel.jacobi_svd import (
-    axpby,
-    copied,
-    dot,
-    norm,
-    pseudo_solve,
-    set_zero,
-    weighted_sum,
-)
+from fault_tolerance.kernel.jacobi_svd import axpby, copied, dot, norm, pseudo_solve, weighted_sum
 from fault_tolerance.kernel.law import Priority, limited
-from fault_tolerance.kernel.scratch import vector
+from fault_tolerance.kernel.scratch import set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import NEGLIGIBLE_RATE, SAME_COMMAND
 
