@@ -118,9 +118,11 @@ class Prober:
             self._start()
 
     def interrupt(self) -> None:
-        """End a probe between two readings, as nothing moves any more."""
+        """End a probe, begun or not, between two readings: nothing moves any more."""
         if self._probe is not None:
             self._continue(True, 0.0)
+        elif self._wanted:
+            self._wanted, self.finding = False, AT_REST
 
     def request(self) -> str:
         """Let a probe begin with the next readings; return why not, empty if it will."""

@@ -147,6 +147,7 @@ class Controller(Node):
             self._status.update(output, now)
         self._stepped = False
         # Last: whatever goes wrong in an answer, drives whose inputs cease have been stopped.
+        self._silent.look()
         self._operator.look()
 
     def _own_status(self) -> tuple[int, str]:

@@ -122,7 +122,6 @@ class SilentFailures:
             self.monitor.prober.interrupt()
             self.monitor.rates = None
             self._supervisor.add_probe_rates(None)
-            self._service.answer(True, self.monitor.prober.finding)
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
@@ -161,6 +160,14 @@ class SilentFailures:
         if self._service.awaited and not monitor.prober.probing:
             self._service.answer(True, monitor.prober.finding)
         self._supervisor.add_probe_rates(monitor.rates)
+
+    def look(self) -> None:
+        """Answer those who wait for a probe where nothing moves: there may be no more readings."""
+        prober, state = self.monitor.prober, self._supervisor.output.state
+        if self._service.awaited and state not in MOVING:
+            begun = prober.straining or not prober.probing
+            prober.interrupt()
+            self._service.answer(begun, prober.finding if begun else f'{AT_REST}: {state.value}')
 
     def values(self) -> dict[str, str]:
         """Return what belongs into the metrics, texts by key."""
