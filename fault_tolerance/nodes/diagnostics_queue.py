@@ -35,6 +35,13 @@ MAX_DEBT = 2.0 * BURST
 A message that took long, perhaps on a busy machine, must not block a failure ten times as long.
 """
 
+MAX_COMMAND_DEBT = 0.1 * BURST
+"""Seconds by which the commands that failures bring may exceed it.
+
+The next failure may be of another drive: it waits for them ten times as long, until the next tick
+of the watchdog, and no longer.
+"""
+
 RESERVE = 0.25 * BURST
 """Seconds of the budget reserved for failures."""
 
@@ -116,9 +123,10 @@ class DiagnosticsQueue:
             return self._others.popleft() if credit > RESERVE else None
         return self._foreign.popleft() if credit >= BURST else None
 
-    def charge(self, seconds: float) -> None:
-        """Charge the budget with the ``seconds`` that a message took."""
-        self._credit = max(self._credit - seconds, -MAX_DEBT)
+    def charge(self, reading: float, command: float = 0.0) -> None:
+        """Charge the seconds that ``reading`` a message, and the ``command`` it brought, took."""
+        self._credit = max(self._credit - reading, -MAX_DEBT)
+        self._credit = max(self._credit - command, min(self._credit, -MAX_COMMAND_DEBT))
 
     def forget_repeats(self) -> None:
         """Accept the next message even if it repeats an earlier one."""
