@@ -76,7 +76,10 @@ class Monitor:
 
     @property
     def internal_force(self) -> float:
-        """The largest force of the drives against each other, N; NaN where no efforts show it."""
+        """The largest force of the drives against each other, N; NaN where it is not known.
+
+        That is without efforts, and while the mechanism is probed or does not move.
+        """
         return self._relief.internal_force
 
     @property
@@ -168,7 +171,7 @@ class Monitor:
             self.prober.look_again()
         self._failures = failures
         if strained or self.prober.straining or not moving:
-            self.rates = self.prober.rates
+            self.rates, self._relief.internal_force = self.prober.rates, np.nan
         elif changed:
             self.rates = None
         elif not 0 <= sighting.stamp - self._looked < RELIEF_EVERY:

@@ -66,9 +66,12 @@ class Commissioner(Node):
     @property
     def rivals(self) -> list[str]:
         """The other nodes that publish commands."""
-        found = {one.node_name for one in self.get_publishers_info_by_topic(self.topic)}
+        found = [one.node_name for one in self.get_publishers_info_by_topic(self.topic)]
+        # In another container a node may have the name of this one.
+        if self._commands is not None and self.get_name() in found:
+            found.remove(self.get_name())
         # A topic may be discovered before the name of its node.
-        return sorted('a node' if _UNKNOWN in one else one for one in found - {self.get_name()})
+        return sorted({'a node' if _UNKNOWN in one else one for one in found})
 
     @property
     def listeners(self) -> int:
