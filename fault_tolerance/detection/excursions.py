@@ -12,7 +12,7 @@ from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
 _JUMPS = (Symptom.RUNAWAY, Symptom.BIASED)
-"""Symptoms of which a drive that is told nothing may show evidence too."""
+"""Symptoms that can appear while the drive is not commanded."""
 
 
 class Excursions:

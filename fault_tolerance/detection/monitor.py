@@ -103,14 +103,15 @@ class Monitor:
             self.prober.look_again()
         return tuple(one.text for one in kept)
 
-    def values(self) -> dict[str, str]:
-        """Return what belongs into the metrics.
+    @property
+    def suspected(self) -> str:
+        """The candidates of every suspicion, as text."""
+        return '; '.join(
+            ', '.join(map(str, one.candidates)) for one in self.detector.suspicions
+        )
 
-        Returns
-        -------
-        dict
-            Texts by key.
-        """
+    def values(self) -> dict[str, str]:
+        """Return what belongs into the metrics, texts by key; after a change it takes longer."""
         suspicions, since = self.detector.suspicions, self.prober.latent_since_probe
         passive = self.prober.isolability(False)
         alike = [group for group in passive.classes if len(group) > 1] if passive else []
@@ -119,7 +120,7 @@ class Monitor:
         force = self.internal_force
         return {
             'inconsistent': ', '.join(moving),
-            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
+            'suspected': self.suspected,
             'worst_next_suspected': ahead[0][1] if ahead else '',
             'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
             'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is left of a mechanism if the worst of several candidates is true."""
+"""The tolerance and the next failure that are left if the worst of several candidates is true."""
 
 from __future__ import annotations
 

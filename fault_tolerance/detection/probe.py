@@ -37,7 +37,7 @@ def probe_amplitude(stiffness: float, force: float, stroke: float) -> float:
     stiffness : float
         The largest of a drive, N/m.
     force : float
-        What no drive may be loaded by beyond, N.
+        Largest extra force on any drive, N.
     stroke : float
         The shortest one, metres.
 

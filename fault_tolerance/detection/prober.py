@@ -126,11 +126,11 @@ class Prober:
 
     def request(self) -> str:
         """Let a probe begin with the next readings; return why not, empty if it will."""
-        refusal = self.refusal()
+        refusal = self._refusal()
         self._wanted = not refusal
         return refusal
 
-    def refusal(self) -> str:
+    def _refusal(self) -> str:
         """Return why nothing can be probed now; empty if it can."""
         detector, mechanism = self._detector, self._mechanism
         if self.settings.detect == 'off':
@@ -198,7 +198,7 @@ class Prober:
         due = self._wanted or self._stamp < self._retest_until
         if not due and not 0.0 < 1e9 * period < self._stamp - self._probed:
             return False
-        refusal = self.refusal()
+        refusal = self._refusal()
         if not refusal:
             self._retest_until = 0
         if refusal and self._wanted:

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether what has been found is still seen: the trial goes on, against that it has healed."""
+"""Tests with each reading whether a fault is still present or has been repaired."""
 
 from __future__ import annotations
 

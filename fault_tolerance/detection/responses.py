@@ -160,9 +160,9 @@ def _balance(mechanism: Mechanism, failures: FailureSet, yielding: _Yielding) ->
     What no spring holds is held by the friction of free drives, and beyond that moves as little
     as it can.
     """
-    held, twists, rates, barred = yielding
+    _, twists, rates, barred = yielding
     free = _named(mechanism, failures.free)
-    sprung = held & ~free
+    sprung = yielding.held & ~free
     root = np.sqrt(relative_stiffness(mechanism)) * sprung
     largest = root.max(initial=1.0)
     root, barred = root / largest, barred / largest

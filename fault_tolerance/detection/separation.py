@@ -139,8 +139,7 @@ def separated(found: Responses, heard: BoolArray, least: float) -> BoolArray:
     Returns
     -------
     (h, h) array of bool
-        What nothing holds may drift as any other hypothesis would have it move. A drive that runs
-        away and a reading that jumps do not imitate anything.
+        A direction that nothing holds can imitate other hypotheses; a runaway or a jump cannot.
     """
     matrices = found.matrices[:, heard]
     apart = _largest_differences(matrices) > least

@@ -206,7 +206,7 @@ class _Session:
         node = self._node
         if node.rivals:
             raise FaultToleranceError(
-                f'{listed(node.rivals)} publishes {node.topic}: end that first')
+                f'{listed(node.rivals)} publishes {node.topic}: stop that node first')
         self._wait(lambda: node.listeners > 0, _PATIENCE)
         if not node.listeners:
             raise FaultToleranceError(f'nobody listens to {node.topic}')

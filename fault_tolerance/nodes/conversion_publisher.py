@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Brakes and releases that the controller asks for, as messages."""
+"""Publishes brake and release commands, and what readings show of a brake."""
 
 from __future__ import annotations
 

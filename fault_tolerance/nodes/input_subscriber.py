@@ -123,7 +123,7 @@ class InputSubscriber:
             self._health.warn(Notice('wrong_frame', text))
             return
         if not np.isfinite(twist).all():
-            # A number beside the task that is none spoils the message as well.
+            # A component outside the task that is not finite makes the whole message unusable.
             twist[self._rows] = np.nan
         elif twist[self._outside].any():
             text = 'task velocity has components outside the task: they are ignored'

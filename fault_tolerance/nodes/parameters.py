@@ -34,8 +34,7 @@ class ParameterError(FaultToleranceError, ValueError):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f'parameter {name}: {reason}')
-        self.name = name
-        self.reason = reason
+        self.name, self.reason = name, reason
 
 
 @dataclass(frozen=True)

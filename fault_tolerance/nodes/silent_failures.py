@@ -108,7 +108,8 @@ class SilentFailures:
             self._service.answer(False, 'detection is off')
             self._supervisor.add_probe_rates(None)
             self.monitor = Monitor(self._mechanism, settings)
-        self.monitor.settings = settings
+        else:
+            self.monitor.settings = settings
 
     def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
         """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
@@ -169,6 +170,10 @@ class SilentFailures:
             prober.interrupt()
             self._service.answer(begun, prober.finding if begun else f'{AT_REST}: {state.value}')
 
+    def suspected(self) -> str:
+        """Return the candidates of every suspicion, as text."""
+        return self.monitor.suspected
+
     def values(self) -> dict[str, str]:
         """Return what belongs into the metrics, texts by key."""
         return self.monitor.values()
@@ -196,7 +201,7 @@ class SilentFailures:
                     self._health.warn(Notice('inconsistent', text, rejected=False))
         for one in before:
             if one not in present:
-                logger.info(f'detection: {one.name} does what it is told again')
+                logger.info(f'detection: {one.name} follows its commands again')
         self._publish()
 
     def _nanoseconds(self, stamp: Time) -> int:

@@ -256,7 +256,8 @@ def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
     # What has said nothing after 5 s is told too.
     probe.wait(lambda: 'never heard waits for it' in node.output, 'the line about silence')
     assert 'nothing on never yet' in node.output
-    probe.wait(lambda: 'is what it calls them right?' in node.output, 'the line about drives')
+    text = 'check the drive names in the rule file'
+    probe.wait(lambda: text in node.output, 'the line about drives')
     assert '/diagnostics says nothing of theta_1, theta_2, theta_3, theta_4:' in node.output
     assert 'elsewhere' not in node.output
     assert node.alive

@@ -327,6 +327,24 @@ def test_what_has_healed_is_dropped_whatever_its_worst_candidate_is_called(monke
     assert not [one for one in loop.monitor.detector.suspicions if one is found]
 
 
+def test_what_a_suspicion_would_lead_to_is_derived_once_while_it_is_forming(monkeypatch):
+    loop, asked = warm(), []
+    candidates = Hypothesis(Symptom.STUCK, 'theta_4'), Hypothesis(Symptom.FREE, 'theta_3')
+    outlook = conviction.outlook
+
+    def convicted(bank, *_):
+        return conviction.Conviction(
+            bank.found.hypotheses.index(candidates[0]), candidates, False)
+
+    monkeypatch.setattr(detector, 'conviction', convicted)
+    monkeypatch.setattr(conviction, 'outlook', lambda *a: asked.append(a) or outlook(*a))
+    loop.run(0.3)
+    assert loop.monitor.detector.forming.candidates == candidates
+    assert loop.monitor.detector.forming.outlook == outlook(*asked[-1])
+    # Once more where the responses have been derived anew.
+    assert len(asked) <= 2
+
+
 def test_a_drive_that_still_moves_by_itself_is_not_released():
     loop = loop_of(monitor=MonitorSettings('act'), control=BRIEF)
     loop.run(1.2)
