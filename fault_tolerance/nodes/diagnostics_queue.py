@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Iterable
 from math import inf
 
+from fault_tolerance.mechanism.failure_modes import HEALTH_WORDS
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY
 
 MAX_BYTES = 4_000_000
@@ -56,7 +57,7 @@ _LOOK_PERIOD, _LONGEST_LOOK = 0.02, 20_000
 # before them and a zero at the end, and start at multiples of four; padding may hold anything.
 _FAILURE = re.compile(
     _KEY + rb'\0' + rb'[\s\S]' * (-(len(_KEY) + 1) % 4) + rb'[\s\S]{4}'
-    rb'(?!(?:none|ok|healthy|clear)\0)'
+    rb'(?!(?:' + '|'.join(HEALTH_WORDS).encode() + rb')\0)'
 )
 
 

@@ -46,7 +46,7 @@ class DriveResets:
         self.missing: list[str] = []
         self._requests: dict[Reset, tuple[Client, Any]] = {}
         for reset in watch.resets:
-            kind: Any = message_type(reset.kind)
+            kind = message_type(reset.kind)
             if kind is not None:
                 request = _request(watch.rules.source, reset, kind)
                 self._requests[reset] = node.create_client(kind, reset.service), request

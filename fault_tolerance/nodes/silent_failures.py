@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
@@ -39,6 +38,7 @@ from fault_tolerance.nodes.late_service import Answer, LateService
 from fault_tolerance.nodes.messages import (
     FAILURE_MODE_KEY,
     diagnostics_to_msg,
+    nanoseconds_from_msg,
     pose_from_msg,
     status_to_msg,
 )
@@ -81,7 +81,7 @@ class SilentFailures:
         self._node, self._supervisor, self._timeline = node, supervisor, timeline
         self._health, self._cycle = health, cycle
         self._mechanism = mechanism = supervisor.mechanism
-        settings, pose_topic = monitor_settings(values), values['pose_topic']
+        settings, pose_topic = settings_from(MonitorSettings, values), values['pose_topic']
         self._clock = node.get_clock()
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
@@ -145,7 +145,8 @@ class SilentFailures:
         self.monitor.detector.advance = self._supervisor.kernel.advance
         estimate, monitor = output.estimate, self.monitor
         sighting = Sighting(
-            self._nanoseconds(message.header.stamp), estimate.readings,
+            nanoseconds_from_msg(message.header.stamp) or self._clock.now().nanoseconds,
+            estimate.readings,
             self._joints.efforts(message.name, message.effort), self._pose,
         )
         self._pose, self._failures = None, output.failures
@@ -204,11 +205,6 @@ class SilentFailures:
                 logger.info(f'detection: {one.name} follows its commands again')
         self._publish()
 
-    def _nanoseconds(self, stamp: Time) -> int:
-        if stamp.sec or stamp.nanosec:
-            return int(stamp.sec) * 10**9 + int(stamp.nanosec)
-        return int(self._clock.now().nanoseconds)
-
     def _on_pose(self, message: PoseStamped) -> None:
         try:
             self._pose = pose_from_msg(message)
@@ -242,8 +238,3 @@ class SilentFailures:
             DETECTION, f'{self._prefix}{suspicion.name}',
             ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,
         )
-
-
-def monitor_settings(values: dict[str, Any]) -> MonitorSettings:
-    """Return the settings of detection among the parameters' ``values``; ValueError if wrong."""
-    return MonitorSettings(**settings_from(MonitorSettings, values))
