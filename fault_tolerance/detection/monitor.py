@@ -92,10 +92,7 @@ class Monitor:
     def forget(self, fresh: float = 0.0) -> tuple[str, ...]:
         """Drop what has been found, but for what was seen in the last ``fresh`` seconds.
 
-        Returns
-        -------
-        tuple of str
-            What stays, in the words of the ledger.
+        Returns what stays, in the words of the ledger.
         """
         before = self.detector.suspicions
         kept = self.detector.forget(round(1e9 * fresh))

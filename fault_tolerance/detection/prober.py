@@ -91,15 +91,9 @@ class Prober:
         return self._stress[2]
 
     def listen(self, stamp: int, values: FloatArray, moving: bool) -> None:
-        """Take the time of the readings ``values`` (N,), and whether the controller may move.
+        """Take ``values`` (N,), from home in the mechanism's units, read at ``stamp`` (ns).
 
-        Parameters
-        ----------
-        stamp : int
-            Nanoseconds.
-        values : (N,) array
-            Joint values from home in the mechanism's units.
-        moving : bool
+        ``moving`` says whether the controller may move.
         """
         gap = self._gap = 1e-9 * (stamp - self._stamp)
         if 0.0 < gap < 1.0:
@@ -164,16 +158,7 @@ class Prober:
     def isolability(self, probe: bool, at_rest: bool = False) -> Isolability | None:
         """Return what can be told apart now; None before it is known.
 
-        Parameters
-        ----------
-        probe : bool
-            Whether by probes, too.
-        at_rest : bool
-            Whether by them alone: the task does not move the mechanism.
-
-        Returns
-        -------
-        Isolability or None
+        By a ``probe``, too; ``at_rest`` by it alone, as the task does not move the mechanism.
         """
         detector, way = self._detector, (probe, at_rest)
         if detector.rows is None:

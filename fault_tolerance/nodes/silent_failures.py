@@ -133,12 +133,7 @@ class SilentFailures:
             self._commands.publish(message)
 
     def observe(self, message: JointState) -> None:
-        """Take a joint state, after the command that answers it.
-
-        Parameters
-        ----------
-        message : JointState
-        """
+        """Take a joint state, the ``message``, after the command that answers it."""
         if not self._listening:
             return
         output = self._supervisor.output
