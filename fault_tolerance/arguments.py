@@ -61,7 +61,8 @@ def add_bag(parser: argparse.ArgumentParser) -> None:
     """Add a recording, what it is of, and where results go to a ``parser``."""
     parser.add_argument('bag', type=Path, help='an .mcap or .db3 file, or the folder of a bag')
     parser.add_argument(
-        '--mechanism', metavar='FILE', help='or a shipped one; without: as the metrics say'
+        '--mechanism', metavar='FILE',
+        help='or a shipped one (default: the one named in the recorded metrics)',
     )
     parser.add_argument('--namespace', help='of the robot, if there are several in the bag')
     parser.add_argument(

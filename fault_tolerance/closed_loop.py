@@ -222,6 +222,7 @@ class ClosedLoop:
             self.supervisor.secondary.consider(output, now)
             if self.settings.monitor.detect != 'off':
                 self._listen(seen, output)
+                output = self.supervisor.output
             shown = self.supervisor.converter.observe(output, now)
             if shown and self.supervisor.reports([shown], now):
                 output = self.supervisor.step(now)

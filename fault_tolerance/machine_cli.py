@@ -113,7 +113,7 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
     """Add what reading another format needs to a ``parser``."""
     parser.add_argument('file', type=Path, help='MJCF (.xml), URDF (.urdf) or SDF (.sdf)')
     parser.add_argument('--format', choices=('mjcf', 'urdf', 'sdf'),
-                        help='(default: as the file ends)')
+                        help='(default: from the file name)')
     parser.add_argument('--closures', type=Path, metavar='FILE.yaml',
                         help='of a URDF (default: NAME.closures.yaml beside it), or what is'
                              ' driven in an SDF')

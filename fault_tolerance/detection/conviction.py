@@ -1,17 +1,18 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the evidence of a bank of filters amounts to."""
+"""Whether the evidence of a bank of filters suffices to suspect a failure, and which one."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from fault_tolerance.detection.filter_bank import FilterBank
 from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
-from fault_tolerance.detection.outlook import outlook
+from fault_tolerance.detection.outlook import Outlook, outlook
 from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.detection.separation import separators
 from fault_tolerance.detection.suspicion import Suspicion, parts_of, with_limp
@@ -46,19 +47,9 @@ class Conviction:
 
 
 def conviction(bank: FilterBank, scores: FloatArray, noise: FloatArray) -> Conviction | None:
-    """Return what the evidence convicts; None if it does not suffice.
+    """Return what the ``scores`` (h,) of a ``bank`` convict; None if they do not suffice.
 
-    Parameters
-    ----------
-    bank : FilterBank
-    scores : (h,) array
-        Those that count.
-    noise : (c,) array
-        Standard deviation of each channel, metres; 0 where there is no sensor.
-
-    Returns
-    -------
-    Conviction or None
+    ``noise`` (c,) is the standard deviation of each channel, metres; 0 where there is no sensor.
     """
     best = int(scores.argmax())
     if scores[best] <= bank.threshold:
@@ -79,27 +70,28 @@ def conviction(bank: FilterBank, scores: FloatArray, noise: FloatArray) -> Convi
 def suspicion_of(
     bank: FilterBank, found: Conviction, rows: StrutRows, failures: FailureSet, sensors: Sensors
 ) -> Suspicion:
-    """Return what there is to say of a conviction.
+    """Return what there is to say of a conviction that was ``found`` in a ``bank``.
 
-    Parameters
-    ----------
-    bank : FilterBank
-    found : Conviction
-        Of this bank.
-    rows : StrutRows
-    failures : FailureSet
-        What is known to have failed.
-    sensors : Sensors
-        Those there are.
-
-    Returns
-    -------
-    Suspicion
+    ``rows``, the known ``failures`` and the ``sensors`` there are say what it leads to.
     """
     place, excursions = found.place, bank.excursions
+    parts, would_separate, ahead = _consequences(rows, failures, found.candidates, sensors)
     return Suspicion(
         found.candidates, float(bank.scores[place]), int(excursions.onset[place]),
-        float(excursions.travel[place]), parts_of(rows.mechanism, found.candidates),
-        separators(rows, failures, found.candidates, sensors, CROSS_SHARE),
-        outlook(rows, failures, found.candidates),
+        float(excursions.travel[place]), parts, would_separate, ahead,
+    )
+
+
+@lru_cache(maxsize=1)
+def _consequences(
+    rows: StrutRows, failures: FailureSet, candidates: tuple[Hypothesis, ...], sensors: Sensors
+) -> tuple[tuple[str, ...], tuple[str, ...], Outlook | None]:
+    """Return parts, what would separate the candidates, and what the worst of them leaves.
+
+    Kept, as while a suspicion is forming every reading asks for the same.
+    """
+    return (
+        parts_of(rows.mechanism, candidates),
+        separators(rows, failures, candidates, sensors, CROSS_SHARE),
+        outlook(rows, failures, candidates),
     )

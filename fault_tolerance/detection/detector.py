@@ -259,9 +259,9 @@ class Detector:
         best = bank.found.hypotheses[found.place]
         if best.symptom is Symptom.HEALED:
             if settled:
-                for one in self.suspicions:
-                    if one.name == best.name:
-                        del self._renewals[one]
+                # Named as `found_in` does it: the verdict may be about another name.
+                self._renewals = {one: renewal for one, renewal in self._renewals.items()
+                                  if one.candidates[0].name != best.name}
             return
         assert self.rows is not None
         suspicion = suspicion_of(bank, found, self.rows, self.known, self.sensors)

@@ -12,7 +12,7 @@ from fault_tolerance.mechanism.arrays import BoolArray, FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 
 _JUMPS = (Symptom.RUNAWAY, Symptom.BIASED)
-"""Symptoms of which a drive that is told nothing may show evidence too."""
+"""Symptoms that can appear while the drive is not commanded."""
 
 
 class Excursions:
@@ -47,13 +47,8 @@ class Excursions:
     def slip(self, strange: FloatArray, breakaway: float) -> None:
         """Begin anew for drives that have just slipped: what sticks again is not stuck.
 
-        Parameters
-        ----------
-        strange : (N,) array
-            By how much the encoders moved other than a healthy machine would, metres; NaN where
-            there is nothing new.
-        breakaway : float
-            Metres, see `beyond`.
+        ``strange`` (N,) is by how much the encoders moved other than a healthy machine would,
+        metres, NaN where there is nothing new; ``breakaway`` as in `beyond`.
         """
         slipped = (np.abs(strange) > 0.5 * breakaway)[self._drive]
         self._way[slipped] = self._reach[slipped] = 0.0
@@ -70,13 +65,6 @@ class Excursions:
     def beyond(self, breakaway: float) -> BoolArray:
         """Return for which hypotheses (h,) the drive should long have slipped, were it healthy.
 
-        Parameters
-        ----------
-        breakaway : float
-            Metres by which healthy drives may lag before they move.
-
-        Returns
-        -------
-        (h,) array of bool
+        ``breakaway`` is how far healthy drives may lag before they move, metres.
         """
         return self._jumps | (self._reach >= 2.0 * breakaway)

@@ -123,14 +123,7 @@ class FilterBank:
     def separated(self, heard: BoolArray) -> BoolArray:
         """Return which hypotheses (h, h) differ by more than the model may be wrong by.
 
-        Parameters
-        ----------
-        heard : (c,) array of bool
-            The channels that count.
-
-        Returns
-        -------
-        (h, h) array of bool
+        Channels that are ``heard`` (c,) count.
         """
         if self._apart is None or (self._apart[0] != heard).any():
             self._apart = heard, separated(self.found, heard, CROSS_SHARE)
@@ -139,14 +132,7 @@ class FilterBank:
     def convincing(self, breakaway: float) -> FloatArray:
         """Return the scores (h,), 0 where a healthy drive that sticks may show the same.
 
-        Parameters
-        ----------
-        breakaway : float
-            Metres by which healthy drives may lag.
-
-        Returns
-        -------
-        (h,) array
+        ``breakaway`` is how far healthy drives may lag, metres.
         """
         if breakaway > 0.0:
             return np.where(self.excursions.beyond(breakaway), self.scores, 0.0)

@@ -84,19 +84,10 @@ class Isolability:
 
 
 def isolability_report(mechanism: Mechanism, found: Isolability) -> dict[str, Any]:
-    """Return what can be told apart in ``mechanism`` as plain values, for JSON.
+    """Return what can be told apart in ``mechanism``, as ``found``, as plain values for JSON.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    found : Isolability
-        Of the mechanism.
-
-    Returns
-    -------
-    dict
-        ``mechanism``, ``redundancy``, ``classes`` (lists of hypotheses), and ``separation``: by
-        two members of two classes, micrometres that a sensor shows per micrometre commanded.
+    ``mechanism``, ``redundancy``, ``classes`` (lists of hypotheses), and ``separation``: by two
+    members of two classes, micrometres that a sensor shows per micrometre commanded.
     """
     places = {suspect: place for place, suspect in enumerate(found.suspects)}
     first = [places[group[0]] for group in found.classes]

@@ -76,7 +76,10 @@ class Monitor:
 
     @property
     def internal_force(self) -> float:
-        """The largest force of the drives against each other, N; NaN where no efforts show it."""
+        """The largest force of the drives against each other, N; NaN where it is not known.
+
+        That is without efforts, and while the mechanism is probed or does not move.
+        """
         return self._relief.internal_force
 
     @property
@@ -89,10 +92,7 @@ class Monitor:
     def forget(self, fresh: float = 0.0) -> tuple[str, ...]:
         """Drop what has been found, but for what was seen in the last ``fresh`` seconds.
 
-        Returns
-        -------
-        tuple of str
-            What stays, in the words of the ledger.
+        Returns what stays, in the words of the ledger.
         """
         before = self.detector.suspicions
         kept = self.detector.forget(round(1e9 * fresh))
@@ -100,14 +100,15 @@ class Monitor:
             self.prober.look_again()
         return tuple(one.text for one in kept)
 
-    def values(self) -> dict[str, str]:
-        """Return what belongs into the metrics.
+    @property
+    def suspected(self) -> str:
+        """The candidates of every suspicion, as text."""
+        return '; '.join(
+            ', '.join(map(str, one.candidates)) for one in self.detector.suspicions
+        )
 
-        Returns
-        -------
-        dict
-            Texts by key.
-        """
+    def values(self) -> dict[str, str]:
+        """Return what belongs into the metrics, texts by key; after a change it takes longer."""
         suspicions, since = self.detector.suspicions, self.prober.latent_since_probe
         passive = self.prober.isolability(False)
         alike = [group for group in passive.classes if len(group) > 1] if passive else []
@@ -116,7 +117,7 @@ class Monitor:
         force = self.internal_force
         return {
             'inconsistent': ', '.join(moving),
-            'suspected': '; '.join(', '.join(map(str, one.candidates)) for one in suspicions),
+            'suspected': self.suspected,
             'worst_next_suspected': ahead[0][1] if ahead else '',
             'not_told_apart': '; '.join(', '.join(map(str, group)) for group in alike),
             'undetectable': ', '.join(map(str, passive.undetectable)) if passive else '',
@@ -168,7 +169,7 @@ class Monitor:
             self.prober.look_again()
         self._failures = failures
         if strained or self.prober.straining or not moving:
-            self.rates = self.prober.rates
+            self.rates, self._relief.internal_force = self.prober.rates, np.nan
         elif changed:
             self.rates = None
         elif not 0 <= sighting.stamp - self._looked < RELIEF_EVERY:

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Settings of detection."""
+"""How detection is set: whether it acts, delays, friction of the drives, probes, relief."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class MonitorSettings:
     Attributes
     ----------
     detect : {'off', 'advise', 'act'}
-        Whether what is found is only said, or handled as if it had been reported.
+        Not looked for; only published; or handled like reports.
     command_delay : float
         Seconds from a command to its effect in the joint states.
     breakaway : float
@@ -30,7 +30,7 @@ class MonitorSettings:
     probe_amplitude : float
         Metres; 0: from force and stroke.
     probe_force : float
-        Newtons by which a probe may load a drive, where the amplitude is not given.
+        Largest extra force of a probe on a drive, newtons, where the amplitude is not given.
     relief : bool
         Whether the strain that a failure or a repair leaves behind is led back, where the efforts
         show it.

@@ -63,17 +63,10 @@ class SensorNoise:
         self._filled = 0
 
     def take(self, readings: FloatArray, explained: FloatArray) -> bool:
-        """Take one set of readings; return whether the deviations are new.
+        """Take one set of ``readings`` (c,), metres, NaN where there is nothing.
 
-        Parameters
-        ----------
-        readings, explained : (c,) arrays
-            Metres: what was read, NaN where there is nothing; and the motion that a healthy
-            machine has made since the first reading of the window.
-
-        Returns
-        -------
-        bool
+        ``explained`` (c,) is the motion that a healthy machine has made since the first reading
+        of the window, metres. Returns whether the deviations are new.
         """
         self._readings[self._filled], self._explained[self._filled] = readings, explained
         self._filled += 1
@@ -96,16 +89,9 @@ class SensorNoise:
 
 
 def roughness(strange: FloatArray) -> FloatArray:
-    """Return the standard deviation of the noise in windows of readings.
+    """Return the standard deviation (..., c) of the noise in windows of readings.
 
-    Parameters
-    ----------
-    strange : (..., w, c) array
-        What motion does not explain, w readings of c channels, metres.
-
-    Returns
-    -------
-    (..., c) array
+    ``strange`` (..., w, c) is what motion does not explain, w readings of c channels, metres.
     """
     third = np.abs(np.diff(strange, 3, axis=-2))
     # Of normal numbers: the median of |x| is 0.6745 sigma, a third difference has 20 sigma^2.

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is left of a mechanism if the worst of several candidates is true."""
+"""The tolerance and the next failure that are left if the worst of several candidates is true."""
 
 from __future__ import annotations
 
@@ -40,18 +40,8 @@ def outlook(
 ) -> Outlook | None:
     """Return what the worst of the ``candidates`` leaves, the first among equals.
 
-    Parameters
-    ----------
-    rows : StrutRows
-        Of the configuration.
-    failures : FailureSet
-        What is known to have failed besides.
-    candidates : sequence of Hypothesis
-
-    Returns
-    -------
-    Outlook or None
-        None where one of them is nothing that a mechanism can go on with.
+    ``rows`` are of the configuration, ``failures`` what is known to have failed besides. None
+    where one of the candidates is nothing that a mechanism can go on with.
     """
     found: dict[FailureSet, Outlook] = {}
     for one in candidates:

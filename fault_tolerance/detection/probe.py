@@ -32,18 +32,8 @@ CLEARANCE = 10.0
 def probe_amplitude(stiffness: float, force: float, stroke: float) -> float:
     """Return the amplitude of a probe, metres.
 
-    Parameters
-    ----------
-    stiffness : float
-        The largest of a drive, N/m.
-    force : float
-        What no drive may be loaded by beyond, N.
-    stroke : float
-        The shortest one, metres.
-
-    Returns
-    -------
-    float
+    ``stiffness`` is the largest of a drive, N/m, ``force`` the largest extra force on any drive,
+    N, ``stroke`` the shortest one, metres.
     """
     return min(force / stiffness, STROKE_SHARE * stroke)
 
@@ -96,14 +86,7 @@ class Probe:
     def rates(self, moved: FloatArray) -> FloatArray:
         """Return the rates (N,) until the next reading, m/s.
 
-        Parameters
-        ----------
-        moved : (N,) array
-            How far the last rates have moved the setpoints, metres.
-
-        Returns
-        -------
-        (N,) array
+        ``moved`` (N,) is how far the last rates have moved the setpoints, metres.
         """
         self._moved = self._moved + moved
         self._done += 1
@@ -137,14 +120,7 @@ class ProbeRecord:
     def reach(self, strain: FloatArray) -> float:
         """Return how far the task has moved any setpoint meanwhile, metres.
 
-        Parameters
-        ----------
-        strain : (N, r) array
-            Orthonormal directions of the probe.
-
-        Returns
-        -------
-        float
+        ``strain`` (N, r) are the orthonormal directions of the probe.
         """
         setpoints = np.cumsum(self._moved, axis=0)
         return float(np.ptp(setpoints - setpoints @ strain @ strain.T, axis=0).max())
@@ -152,18 +128,9 @@ class ProbeRecord:
     def odds(self, found: Responses, strain: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the log-likelihood of every hypothesis of ``found`` (h,), up to a constant.
 
-        Parameters
-        ----------
-        found : Responses
-        strain : (N, r) array
-            Orthonormal directions of the probe.
-        noise : (c,) array
-            Standard deviation of each channel, metres; 0 where there is none.
-
-        Returns
-        -------
-        (h,) array
-            Zeros if too little has been recorded.
+        ``strain`` (N, r) are the orthonormal directions of the probe, ``noise`` (c,) is the
+        standard deviation of each channel, metres, 0 where there is none. Zeros if too little has
+        been recorded.
         """
         setpoints = np.cumsum(self._moved, axis=0) @ strain
         strange = np.array(self._strange) - np.cumsum(self._explained, axis=0)

@@ -91,15 +91,9 @@ class Prober:
         return self._stress[2]
 
     def listen(self, stamp: int, values: FloatArray, moving: bool) -> None:
-        """Take the time of the readings ``values`` (N,), and whether the controller may move.
+        """Take ``values`` (N,), from home in the mechanism's units, read at ``stamp`` (ns).
 
-        Parameters
-        ----------
-        stamp : int
-            Nanoseconds.
-        values : (N,) array
-            Joint values from home in the mechanism's units.
-        moving : bool
+        ``moving`` says whether the controller may move.
         """
         gap = self._gap = 1e-9 * (stamp - self._stamp)
         if 0.0 < gap < 1.0:
@@ -118,17 +112,19 @@ class Prober:
             self._start()
 
     def interrupt(self) -> None:
-        """End a probe between two readings, as nothing moves any more."""
+        """End a probe, begun or not, between two readings: nothing moves any more."""
         if self._probe is not None:
             self._continue(True, 0.0)
+        elif self._wanted:
+            self._wanted, self.finding = False, AT_REST
 
     def request(self) -> str:
         """Let a probe begin with the next readings; return why not, empty if it will."""
-        refusal = self.refusal()
+        refusal = self._refusal()
         self._wanted = not refusal
         return refusal
 
-    def refusal(self) -> str:
+    def _refusal(self) -> str:
         """Return why nothing can be probed now; empty if it can."""
         detector, mechanism = self._detector, self._mechanism
         if self.settings.detect == 'off':
@@ -162,16 +158,7 @@ class Prober:
     def isolability(self, probe: bool, at_rest: bool = False) -> Isolability | None:
         """Return what can be told apart now; None before it is known.
 
-        Parameters
-        ----------
-        probe : bool
-            Whether by probes, too.
-        at_rest : bool
-            Whether by them alone: the task does not move the mechanism.
-
-        Returns
-        -------
-        Isolability or None
+        By a ``probe``, too; ``at_rest`` by it alone, as the task does not move the mechanism.
         """
         detector, way = self._detector, (probe, at_rest)
         if detector.rows is None:
@@ -196,7 +183,7 @@ class Prober:
         due = self._wanted or self._stamp < self._retest_until
         if not due and not 0.0 < 1e9 * period < self._stamp - self._probed:
             return False
-        refusal = self.refusal()
+        refusal = self._refusal()
         if not refusal:
             self._retest_until = 0
         if refusal and self._wanted:

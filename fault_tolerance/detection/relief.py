@@ -43,21 +43,10 @@ class Relief:
         self.internal_force = np.nan
 
     def rates(self, stress: SelfStress, efforts: FloatArray, noise: float) -> FloatArray | None:
-        """Return rates that lead strain back, if a change has left any.
+        """Return rates (N,) that lead strain back, if a change has left any; else None.
 
-        Parameters
-        ----------
-        stress : SelfStress
-            Of the configuration.
-        efforts : (N,) array
-            N or N m.
-        noise : float
-            The largest of the encoders, metres.
-
-        Returns
-        -------
-        (N,) array or None
-            In the mechanism's units; None if there is nothing to do.
+        They are in the mechanism's units. ``stress`` is of the configuration, ``efforts`` (N,)
+        are in N or N m, ``noise`` is the largest of the encoders, metres.
         """
         strain = stress.strain(np.nan_to_num(efforts))
         self.internal_force = stress.force(strain)

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether what has been found is still seen: the trial goes on, against that it has healed."""
+"""Tests with each reading whether a fault is still present or has been repaired."""
 
 from __future__ import annotations
 
@@ -55,13 +55,8 @@ class Renewal:
     ) -> None:
         """Derive the responses anew.
 
-        Parameters
-        ----------
-        rows : StrutRows
-        failures : FailureSet
-            Those in force.
-        suspicions : tuple of Suspicion
-            All that has been found.
+        ``rows`` are of the configuration, ``failures`` those in force, ``suspicions`` all that
+        has been found.
         """
         mine = self._suspicion
         others = found_in(one for one in suspicions if one is not mine)
@@ -80,24 +75,10 @@ class Renewal:
         readings: FloatArray,
         stamp: int,
     ) -> bool:
-        """Take one set of readings, see `FilterBank.take`.
+        """Take one set of readings; return whether they convict once more.
 
-        Parameters
-        ----------
-        advance : callable
-        noise : (c,) array
-            Metres.
-        moved : (N,) array
-            Metres.
-        readings : (c,) array
-            Metres.
-        stamp : int
-            Nanoseconds.
-
-        Returns
-        -------
-        bool
-            Whether they convict once more.
+        ``advance``, ``noise``, ``moved``, ``readings`` and ``stamp`` are those of
+        `FilterBank.take`.
         """
         bank = self._bank
         # A filter without evidence would take what it finds moving for a new beginning.

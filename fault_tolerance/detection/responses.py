@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -54,19 +55,16 @@ class Responses:
     load : (N, n) array
         Orthonormal basis of the motions of the encoders under loads on the platform, as far as
         the joints allow them: any motion whatever would fit what they bar, too.
-    seen : (c,) array of bool
-        The channels there are: no encoders of lost struts, efforts and pose only if believed.
     """
 
     hypotheses: tuple[Hypothesis, ...]
     matrices: FloatArray
     drift: FloatArray
     load: FloatArray
-    seen: BoolArray
 
     def __repr__(self) -> str:
-        """Return how many hypotheses and channels there are."""
-        return f'Responses({len(self.hypotheses)} hypotheses, {int(self.seen.sum())} channels)'
+        """Return how many hypotheses there are."""
+        return f'Responses({len(self.hypotheses)} hypotheses)'
 
 
 def responses(
@@ -98,22 +96,50 @@ def responses(
     count = len(mechanism.actuators)
     matrices = np.zeros((len(suspects), 2 * count + 6, count))
     drift = np.zeros(matrices.shape[:2])
+    yielding = cache(partial(_yielding, rows))
+    known = _failures_with(mechanism, failures, HEALTHY, found)
     alike: dict[FailureSet, list[int]] = {}
     for place, suspect in enumerate(suspects):
-        alike.setdefault(_failures_with(mechanism, failures, suspect, found), []).append(place)
+        broken = known
+        if suspect.symptom in _OTHER_BALANCE:
+            broken = _failures_with(mechanism, failures, suspect, found)
+        alike.setdefault(broken, []).append(place)
     for broken, places in alike.items():
         matrices[places], drift[places] = _responses(
-            rows, broken, [suspects[place] for place in places], found
+            mechanism, broken, yielding(broken.lost), [suspects[place] for place in places], found
         )
-    held = attachment_of(mechanism, failures.lost).held
+    held = yielding(failures.lost).held
     seen = np.concatenate([held, held & sensors.efforts, np.full(6, sensors.pose)])
     matrices[:, ~seen], drift[:, ~seen] = 0.0, 0.0
     yields = np.array([one.encoder == 'load' for one in mechanism.actuators])[:, None]
-    known = _failures_with(mechanism, failures, HEALTHY, found)
-    load = np.ascontiguousarray(range_basis(yields * _balance(rows, known, rigid=True).joints))
-    return Responses(
-        tuple(suspects), frozen(matrices), frozen(drift), frozen(load), frozen(seen)
-    )
+    rigid = _balance(mechanism, known, yielding(known.lost, rigid=True))
+    load = np.ascontiguousarray(range_basis(yields * rigid.joints))
+    return Responses(tuple(suspects), frozen(matrices), frozen(drift), frozen(load))
+
+
+class _Yielding(NamedTuple):
+    """The motions that springs hold where some struts are lost, whatever else has failed."""
+
+    held: BoolArray
+    """(N,): the drives of struts that are not lost."""
+    twists: FloatArray
+    rates: FloatArray
+    """(6, c) and (N, c): of the platform and the joints."""
+    barred: FloatArray
+    """(b, c): in directions that joints bar, by the root of their stiffness; none if rigid."""
+
+
+def _yielding(rows: StrutRows, lost: tuple[str, ...], *, rigid: bool = False) -> _Yielding:
+    """Return the motions without the ``lost`` struts; if ``rigid`` what joints bar holds."""
+    attachment = attachment_of(rows.mechanism, lost)
+    if rigid or not flexures_yield(rows):
+        twists, rates = rows.motions(attachment)
+        none = np.zeros((0, twists.shape[1]))
+        return _Yielding(attachment.held, rows.in_space(twists), rates, none)
+    twists, rates = motions(rows.constraints, attachment, np.eye(6))
+    barred = rows.structure[attachment.attached[rows.structure_strut]]
+    stiff = np.sqrt(rows.mechanism.flexure_stiffness) * (barred @ twists)
+    return _Yielding(attachment.held, twists, rates, stiff)
 
 
 class _Balance(NamedTuple):
@@ -124,19 +150,19 @@ class _Balance(NamedTuple):
     """(N, N) and (6, N): motion of joints and platform per motion of the setpoints that hold."""
     loose: FloatArray
     """(N + 6,): the motion of joints and platform that no spring holds, if there is one."""
+    sprung: BoolArray
+    """(N,): the drives that hold their joints: neither free nor in lost struts."""
 
 
-def _balance(rows: StrutRows, failures: FailureSet, *, rigid: bool = False) -> _Balance:
+def _balance(mechanism: Mechanism, failures: FailureSet, yielding: _Yielding) -> _Balance:
     """Return where the mechanism settles with ``failures`` (docs/detection.md, eq. 1).
-
-    With ``rigid`` what the joints bar does not yield.
 
     What no spring holds is held by the friction of free drives, and beyond that moves as little
     as it can.
     """
-    mechanism = rows.mechanism
-    twists, rates, barred = _yielding(rows, failures, rigid)
-    sprung, free = _sprung(mechanism, failures), _named(mechanism, failures.free)
+    _, twists, rates, barred = yielding
+    free = _named(mechanism, failures.free)
+    sprung = yielding.held & ~free
     root = np.sqrt(relative_stiffness(mechanism)) * sprung
     largest = root.max(initial=1.0)
     root, barred = root / largest, barred / largest
@@ -152,38 +178,21 @@ def _balance(rows: StrutRows, failures: FailureSet, *, rigid: bool = False) -> _
         ways = np.vstack([rates, twists]) @ loose
         _, _, turned = decomposed(ways)
         unheld = ways @ turned[0]
-    return _Balance(rates @ settled, twists @ settled, unheld)
-
-
-def _yielding(
-    rows: StrutRows, failures: FailureSet, rigid: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the motions that springs hold: twists (6, c), rates (N, c), and what else yields.
-
-    That are the directions that joints bar, by the root of their stiffness, (b, c); none where
-    they are rigid.
-    """
-    attachment = attachment_of(rows.mechanism, failures.lost)
-    if rigid or not flexures_yield(rows):
-        twists, rates = rows.motions(attachment)
-        return rows.in_space(twists), rates, np.zeros((0, twists.shape[1]))
-    twists, rates = motions(rows.constraints, attachment, np.eye(6))
-    barred = rows.structure[attachment.attached[rows.structure_strut]]
-    return twists, rates, np.sqrt(rows.mechanism.flexure_stiffness) * (barred @ twists)
+    return _Balance(rates @ settled, twists @ settled, unheld, sprung)
 
 
 def _responses(
-    rows: StrutRows,
+    mechanism: Mechanism,
     failures: FailureSet,
+    yielding: _Yielding,
     suspects: Sequence[Hypothesis],
     found: Sequence[Hypothesis],
 ) -> tuple[FloatArray, FloatArray]:
     """Return matrices (g, c, N) and drifts (g, c) of hypotheses that share one balance."""
-    mechanism, balance = rows.mechanism, _balance(rows, failures)
-    count, sprung = len(mechanism.actuators), _sprung(mechanism, failures)
+    balance = _balance(mechanism, failures, yielding)
+    count, sprung = len(mechanism.actuators), balance.sprung
     motor = np.array([one.encoder == 'motor' for one in mechanism.actuators])
-    lost = ~attachment_of(mechanism, failures.lost).held
-    own = lost | (motor & ~_named(mechanism, failures.free))
+    own = ~yielding.held | (motor & ~_named(mechanism, failures.free))
     stuck = _named(mechanism, failures.stuck)
 
     def channels(setpoints: FloatArray) -> FloatArray:
@@ -234,41 +243,23 @@ _OBEDIENCE = {
 
 
 def relative_stiffness(mechanism: Mechanism) -> FloatArray:
-    """Return the stiffness of every drive in N/m, or ones where the file says nothing of it.
+    """Return the stiffness of every drive (N,) of ``mechanism``, N/m; ones where it is not known.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-
-    Returns
-    -------
-    (N,) array
-        Drives that turn at the characteristic length.
+    Drives that turn count at the characteristic length.
     """
     given = mechanism.drive_stiffness
     return given / mechanism.rate_scale**2 if np.isfinite(given).all() else np.ones(len(given))
 
 
 def flexures_yield(rows: StrutRows) -> bool:
-    """Return whether it is known how stiff everything is: drives, and what the joints bar.
-
-    Parameters
-    ----------
-    rows : StrutRows
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether ``rows`` say how stiff everything is: drives, and what the joints bar."""
     mechanism = rows.mechanism
     known = np.isfinite([*mechanism.drive_stiffness, mechanism.flexure_stiffness]).all()
     return bool(known) and rows.given is None
 
 
-def _sprung(mechanism: Mechanism, failures: FailureSet) -> BoolArray:
-    """Return which drives hold their joints: those neither free nor in lost struts."""
-    held = attachment_of(mechanism, failures.lost).held
-    return np.asarray(held & ~_named(mechanism, failures.free))
+_OTHER_BALANCE = (Symptom.FREE, Symptom.LOST, Symptom.HEALED)
+"""Symptoms that change what holds the mechanism."""
 
 
 def _present(suspect: Hypothesis, found: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:

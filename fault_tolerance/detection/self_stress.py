@@ -67,42 +67,20 @@ class SelfStress:
     def strain(self, efforts: FloatArray) -> FloatArray:
         """Return how far the setpoints are from one another, (r,), metres.
 
-        Parameters
-        ----------
-        efforts : (N,) array
-            N or N m. What a load on the platform takes has no part in it.
-
-        Returns
-        -------
-        (r,) array
+        ``efforts`` (N,) are in N or N m. What a load on the platform takes has no part in it.
         """
         return frozen(self.basis.T @ (self._scale * efforts / self._stiffness))
 
     def force(self, strain: FloatArray) -> float:
-        """Return the largest force (N; turning drives at the characteristic length) of a strain.
+        """Return the largest force, N, that a ``strain`` (r,), metres, makes.
 
-        Parameters
-        ----------
-        strain : (r,) array
-            Metres, see `strain`.
-
-        Returns
-        -------
-        float
+        Turning drives count at the characteristic length.
         """
         return float(np.abs(self._stiff @ strain).max(initial=0.0))
 
     def relieving(self, strain: FloatArray) -> FloatArray:
-        """Return the shortest motion of the setpoints (N,) that takes a strain away.
+        """Return the shortest motion of the setpoints (N,) that takes a ``strain`` (r,) away.
 
-        Parameters
-        ----------
-        strain : (r,) array
-            Metres, see `strain`.
-
-        Returns
-        -------
-        (N,) array
-            In the mechanism's units; zero for drives that have failed.
+        In the mechanism's units; zero for drives that have failed.
         """
         return frozen(-(self._lead @ strain) / self._scale)

@@ -30,15 +30,7 @@ from fault_tolerance.mechanism.freedom import attachment_of
 def task_motions(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
     """Return an orthonormal basis (N, n) of the commands that move the platform, in metres.
 
-    Parameters
-    ----------
-    rows : StrutRows
-    kinematics : DifferentialKinematics
-        Of these rows, failures included.
-
-    Returns
-    -------
-    (N, n) array
+    ``kinematics`` are of these ``rows``, failures included.
     """
     scaled = rows.rate_scale[:, None] * kinematics.mapping
     return frozen(np.linalg.qr(scaled)[0]) if scaled.shape[1] else scaled
@@ -47,16 +39,8 @@ def task_motions(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatAr
 def self_stress(rows: StrutRows, kinematics: DifferentialKinematics) -> FloatArray:
     """Return an orthonormal basis (N, r) of the commands that only strain the mechanism.
 
-    Parameters
-    ----------
-    rows : StrutRows
-    kinematics : DifferentialKinematics
-        Of these rows, failures included.
-
-    Returns
-    -------
-    (N, r) array
-        Metres; zero rows for the drives that have failed. W^T of docs/detection.md.
+    In metres, with zero rows for the drives that have failed: W^T of docs/detection.md.
+    ``kinematics`` are of these ``rows``, failures included.
     """
     motions, active = task_motions(rows, kinematics), kinematics.active
     result = np.zeros((len(active), int(active.sum()) - motions.shape[1]))
@@ -68,18 +52,8 @@ def still_strains(rows: StrutRows, failures: FailureSet) -> FloatArray:
     """Return an orthonormal basis (N, k) of the commands that strain the mechanism at rest.
 
     The forces K m of the drives must be in balance, docs/detection.md, eq. 7. Drives that are
-    stuck hold as springs do, and yield: their redundancy strains nothing.
-
-    Parameters
-    ----------
-    rows : StrutRows
-    failures : FailureSet
-        Those in force.
-
-    Returns
-    -------
-    (N, k) array
-        Metres; zero rows for the drives that have failed.
+    stuck hold as springs do, and yield: their redundancy strains nothing. In metres at the
+    ``rows``, with zero rows for the drives that have failed by the ``failures`` in force.
     """
     holding = differential_kinematics(rows, FailureSet((), failures.free, failures.lost))
     active = differential_kinematics(rows, failures).active
@@ -97,18 +71,10 @@ def still_strains(rows: StrutRows, failures: FailureSet) -> FloatArray:
 
 
 def separations(found: Responses, commanded: FloatArray) -> FloatArray:
-    """Return the largest difference of what the sensors show, per pair of hypotheses.
+    """Return the largest difference of what the sensors show, per pair of hypotheses, (h, h).
 
-    Parameters
-    ----------
-    found : Responses
-    commanded : (N, u) array
-        Orthonormal motions of the setpoints, metres.
-
-    Returns
-    -------
-    (h, h) array
-        Spectral norm, m/m.
+    That is the spectral norm, m/m, of the responses ``found`` to ``commanded`` (N, u),
+    orthonormal motions of the setpoints, metres.
     """
     return _largest_differences(found.matrices @ commanded)
 
@@ -128,19 +94,9 @@ def _largest_differences(shown: FloatArray) -> FloatArray:
 def separated(found: Responses, heard: BoolArray, least: float) -> BoolArray:
     """Return which hypotheses (h, h) can be told apart by some motion of the setpoints.
 
-    Parameters
-    ----------
-    found : Responses
-    heard : (c,) array of bool
-        The channels that count.
-    least : float
-        Separation, m/m, that counts.
-
-    Returns
-    -------
-    (h, h) array of bool
-        What nothing holds may drift as any other hypothesis would have it move. A drive that runs
-        away and a reading that jumps do not imitate anything.
+    Of the responses ``found`` the channels that are ``heard`` (c,) count, and separations above
+    ``least``, m/m. A direction that nothing holds can imitate other hypotheses; a runaway or a
+    jump cannot.
     """
     matrices = found.matrices[:, heard]
     apart = _largest_differences(matrices) > least
@@ -166,23 +122,10 @@ def separators(
     sensors: Sensors,
     least: float,
 ) -> tuple[str, ...]:
-    """Return what would tell some of the hypotheses apart that the sensors do not.
+    """Return what would tell some of the ``suspects`` apart that the ``sensors`` do not.
 
-    Parameters
-    ----------
-    rows : StrutRows
-    failures : FailureSet
-        What is known to have failed.
-    suspects : tuple of Hypothesis
-    sensors : Sensors
-        Those there are.
-    least : float
-        Separation, m/m, that counts.
-
-    Returns
-    -------
-    tuple of str
-        Of probe, efforts, pose and load.
+    That is of probe, efforts, pose and load. ``rows`` and ``failures`` are of the configuration
+    and of what is known to have failed; separations above ``least``, m/m, count.
     """
     if len(suspects) < 2:
         return ()

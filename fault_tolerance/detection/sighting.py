@@ -107,19 +107,9 @@ class Channels:
 
 
 def distance(before: FloatArray, after: FloatArray, length: float) -> float:
-    """Return how far two poses are apart.
+    """Return how far two poses ``before`` and ``after`` (4, 4) are apart, a small rotation.
 
-    Parameters
-    ----------
-    before, after : (4, 4) arrays
-        Small rotations from each other.
-    length : float
-        What counts as a radian, metres.
-
-    Returns
-    -------
-    float
-        Radians, or lengths, whichever is more.
+    In radians, or in units of ``length``, metres, whichever is more.
     """
     turned = np.abs(after[:3, :3] - before[:3, :3]).max()
     return float(max(turned, np.abs(after[:3, 3] - before[:3, 3]).max() / length))

@@ -97,16 +97,7 @@ class Suspicion:
 
         Where one of several struts has been lost, the commands of the healthy machine serve
         whichever it is; to leave alone the wrong one would take a second one away. Only where one
-        of the candidates cannot be tolerated, the machine has to stop.
-
-        Parameters
-        ----------
-        failures : FailureSet
-            Those in force.
-
-        Returns
-        -------
-        str
+        of the candidates cannot be tolerated, the machine has to stop. ``failures`` are in force.
         """
         if self.moves_though_stuck(failures):
             return 'reported stuck, but moving'
@@ -161,16 +152,8 @@ def with_limp(
 ) -> tuple[Hypothesis, ...]:
     """Return ``candidates``, and for a drive that moves by itself that it may hold nothing.
 
-    A load moves a limp drive, in whatever direction the platform gives way.
-
-    Parameters
-    ----------
-    candidates, suspects : sequences of Hypothesis
-        Those that explain the readings, and all there are.
-
-    Returns
-    -------
-    tuple of Hypothesis
+    A load moves a limp drive, in whatever direction the platform gives way. ``suspects`` are all
+    hypotheses there are.
     """
     moving = {one.name for one in candidates if one.symptom is Symptom.RUNAWAY}
     limp = [one for one in suspects if one.symptom is Symptom.FREE and one.name in moving]
@@ -178,17 +161,7 @@ def with_limp(
 
 
 def parts_of(mechanism: Mechanism, candidates: Iterable[Hypothesis]) -> tuple[str, ...]:
-    """Return the struts of ``mechanism`` that ``candidates`` are about; actuators if it has none.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    candidates : iterable of Hypothesis
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Return the struts of ``mechanism`` that ``candidates`` concern; actuators if it has none."""
     struts = {one.name: one.strut or one.name for one in mechanism.actuators}
     named = (name for one in candidates for name in (one.name, one.other) if name)
     return tuple(dict.fromkeys(struts.get(name, name) for name in named))
@@ -202,18 +175,9 @@ def found_in(suspicions: Iterable[Suspicion]) -> tuple[Hypothesis, ...]:
 def failures_assumed(
     mechanism: Mechanism, failures: FailureSet, suspicions: Iterable[Suspicion]
 ) -> FailureSet:
-    """Return the failures of ``mechanism`` in force, and those that are suspected.
+    """Return the ``failures`` of ``mechanism`` in force, and those that are suspected.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-    failures : FailureSet
-    suspicions : iterable of Suspicion
-        Those of which there is no model, or that are about several parts, add nothing.
-
-    Returns
-    -------
-    FailureSet
+    ``suspicions`` of which there is no model, or that are about several parts, add nothing.
     """
     verdicts = [one.verdict for one in suspicions if one.located]
     further = [(one.symptom.mode, one.name) for one in verdicts if one.symptom.mode is not None]

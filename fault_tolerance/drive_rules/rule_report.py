@@ -103,7 +103,8 @@ def replayed_report(
     for topic in topics.values():
         parts = ', '.join(dict.fromkeys(watch.unseen(topic)))
         if parts:
-            complaints[f'{topic} says nothing of {parts}: is what it calls them right?'] = None
+            text = f'{topic} says nothing of {parts}: check the drive names in the rule file'
+            complaints[text] = None
     return {
         'messages': count, 'begin': None if begin is None else begin / 1e9,
         'events': events, 'remarks': list(complaints),

@@ -30,11 +30,12 @@ class FailureMode(str, Enum):
 
 _MILDEST_FIRST = (FailureMode.NONE, FailureMode.TORQUE, FailureMode.POSITION, FailureMode.HARD)
 
+HEALTH_WORDS = ('none', 'ok', 'healthy', 'clear')
 _ALIASES = {
     FailureMode.POSITION: ('position', 'stuck', 'locked'),
     FailureMode.TORQUE: ('torque', 'free', 'unactuated'),
     FailureMode.HARD: ('hard', 'lost', 'broken'),
-    FailureMode.NONE: ('none', 'ok', 'healthy', 'clear'),
+    FailureMode.NONE: HEALTH_WORDS,
 }
 _WORDS = {word: mode for mode, words in _ALIASES.items() for word in words}
 

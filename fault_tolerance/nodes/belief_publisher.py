@@ -48,7 +48,7 @@ class BeliefPublisher:
         self._frame = frame
         self._clock = node.get_clock()
         self._due = 0.0
-        self._stamp = Time()
+        self._stamp, self._estimate = Time(), supervisor.output.estimate
         self._poses = node.create_publisher(PoseStamped, '~/platform_pose', 10)
         self._transforms = TFMessage and node.create_publisher(TFMessage, '/tf', 100)
         mechanism = supervisor.mechanism
@@ -66,13 +66,15 @@ class BeliefPublisher:
             return
         drawn = self._markers is not None and self._markers.subscribed
         if drawn or self._transforms or self._poses.get_subscription_count():
-            self._due = now + PERIOD
+            # Not from now on: of joint states that come once in a period half would be left out.
+            self._due = max(self._due + PERIOD, now)
             stamp = message.header.stamp
             self._stamp = stamp if stamp.sec or stamp.nanosec else self._clock.now().to_msg()
+            self._estimate = self._supervisor.output.estimate
             self._deferred.add(self._publish)
 
     def _publish(self) -> None:
-        estimate = self._supervisor.output.estimate
+        estimate = self._estimate
         # Where the loops do not close, the pose is that of an earlier joint state.
         if not estimate.located or estimate.hold_reason:
             return
@@ -86,7 +88,7 @@ class BeliefPublisher:
             self._markers.show(self._stamp)
 
     def _view(self) -> View:
-        return self._seen(self._supervisor.output.estimate.configuration)
+        return self._seen(self._estimate.configuration)
 
     def _seen(self, configuration: Configuration) -> View:
         mechanism, failures = self._supervisor.mechanism, self._supervisor.failures

@@ -51,14 +51,9 @@ class CommandPublisher:
         return bool(self._rates.any())
 
     def publish(self, rates: FloatArray, achieved: FloatArray) -> None:
-        """Publish a command.
+        """Publish joint ``rates`` (N,) in the mechanism's order, rad/s or m/s.
 
-        Parameters
-        ----------
-        rates : (N,) array
-            Joint rates in the mechanism's order, rad/s or m/s.
-        achieved : (6,) array
-            Twist ``[w; v]`` of the platform that they produce, rad/s and m/s.
+        ``achieved`` (6,) is the twist ``[w; v]`` of the platform that they produce.
         """
         np.multiply(self._signs, rates, out=self._rates)
         # Turn the -0.0 of a resting drive into 0.0.

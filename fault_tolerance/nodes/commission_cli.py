@@ -9,7 +9,6 @@ import json
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from typing import TextIO
 
 import numpy as np
@@ -36,7 +35,7 @@ from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.commissioner import Commissioner
-from fault_tolerance.nodes.spinning import spun
+from fault_tolerance.nodes.spinning import handled, spun
 
 _PATIENCE = 5.0
 """Seconds for nodes to be discovered."""
@@ -155,7 +154,8 @@ class _Session:
     def move(self, plan: Plan) -> str:
         """Carry out ``plan``; return what ended it, empty if it ended by itself."""
         node = self._node
-        with _signals() as signals:
+        signals: list[int] = []
+        with handled(_ENDING, lambda number, _: signals.append(number)):
             try:
                 node.begin()
                 self._wait(lambda: node.connected, _PATIENCE)
@@ -206,7 +206,7 @@ class _Session:
         node = self._node
         if node.rivals:
             raise FaultToleranceError(
-                f'{listed(node.rivals)} publishes {node.topic}: end that first')
+                f'{listed(node.rivals)} publishes {node.topic}: stop that node first')
         self._wait(lambda: node.listeners > 0, _PATIENCE)
         if not node.listeners:
             raise FaultToleranceError(f'nobody listens to {node.topic}')
@@ -235,17 +235,3 @@ class _Session:
             names = self._node.mechanism.actuator_names
             which = listed([names[i] for i in np.flatnonzero(moving)])
             raise FaultToleranceError(f'the machine is not at rest: {which}')
-
-
-@contextmanager
-def _signals() -> Iterator[list[int]]:
-    """Yield a list that signals are put into which would end the process otherwise."""
-    found: list[int] = []
-    before = {number: signal.getsignal(number) for number in _ENDING}
-    for number in _ENDING:
-        signal.signal(number, lambda number, _: found.append(number))
-    try:
-        yield found
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

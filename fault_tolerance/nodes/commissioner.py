@@ -23,14 +23,13 @@ from fault_tolerance.control.joint_states import JointStateReader, unusable
 from fault_tolerance.control.notices import clean
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.mechanism.failure_modes import HEALTH_WORDS
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, array_to_msg, nanoseconds_from_msg
 from fault_tolerance.nodes.timeline import TimeLine
 
 _NEWEST = QoSProfile(depth=2, reliability=ReliabilityPolicy.BEST_EFFORT)
 _ACKNOWLEDGEMENT_TIMEOUT = 0.5
 _ZEROS = 3
-_NO_FAILURE = ('none', 'ok', 'healthy', 'clear')
-
 _UNKNOWN = 'NODE_NAME_UNKNOWN'
 
 
@@ -66,9 +65,12 @@ class Commissioner(Node):
     @property
     def rivals(self) -> list[str]:
         """The other nodes that publish commands."""
-        found = {one.node_name for one in self.get_publishers_info_by_topic(self.topic)}
+        found = [one.node_name for one in self.get_publishers_info_by_topic(self.topic)]
+        # In another container a node may have the name of this one.
+        if self._commands is not None and self.get_name() in found:
+            found.remove(self.get_name())
         # A topic may be discovered before the name of its node.
-        return sorted('a node' if _UNKNOWN in one else one for one in found - {self.get_name()})
+        return sorted({'a node' if _UNKNOWN in one else one for one in found})
 
     @property
     def listeners(self) -> int:
@@ -131,7 +133,7 @@ class Commissioner(Node):
                 continue
             modes = [pair.value.strip().lower() for pair in status.values
                      if pair.key == FAILURE_MODE_KEY]
-            broken = any(mode not in _NO_FAILURE for mode in modes)
+            broken = any(mode not in HEALTH_WORDS for mode in modes)
             if broken or int.from_bytes(status.level, 'little') == ERROR:
                 text = clean(status.message or ', '.join(modes))
                 self.trouble = f'{part} is reported to have failed: {text}'

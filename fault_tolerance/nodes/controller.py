@@ -40,7 +40,8 @@ from fault_tolerance.nodes.usage import exit_code
 NAME = 'fault_tolerance'
 WATCHDOG_PERIOD = 0.01
 LATE = 3.0 * WATCHDOG_PERIOD  # after which messages may be pending unread
-STALL = 0.15  # between two watchdog ticks: counted
+STALL = 0.15
+"""Seconds between two watchdog ticks from which a stall is counted."""
 
 
 class Controller(Node):
@@ -69,8 +70,8 @@ class Controller(Node):
         )
         live.keep(supervisor, self._silent)
         self._status = StatusPublisher(
-            self, supervisor, prefix, self.deferred, self._health, self._silent.values,
-            self._inputs.missing_joint_states,
+            self, supervisor, prefix, self.deferred, self._health, self._silent.suspected,
+            self._silent.values, self._inputs.missing_joint_states,
         )
         self._reports = ReportSubscriber(
             self, mechanism, values['diagnostics_topic'], prefix, *shared, self._on_reports
@@ -130,7 +131,7 @@ class Controller(Node):
         self._cycle(now)
 
     def _on_watchdog(self) -> None:
-        """Stop the drives when inputs cease. Only joint states and reports start motion."""
+        """Stop the drives when inputs cease. This timer never starts motion."""
         now = self._timeline.now()
         late, self._ticked = now - self._ticked, now
         if late > STALL:
@@ -147,6 +148,7 @@ class Controller(Node):
             self._status.update(output, now)
         self._stepped = False
         # Last: whatever goes wrong in an answer, drives whose inputs cease have been stopped.
+        self._silent.look()
         self._operator.look()
 
     def _own_status(self) -> tuple[int, str]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Brakes and releases that the controller asks for, as messages."""
+"""Publishes brake and release commands, and what readings show of a brake."""
 
 from __future__ import annotations
 
@@ -68,10 +68,6 @@ class ConversionPublisher:
         """Report what the readings of an ``output`` show about a brake, if they do.
 
         It goes the way of all reports, and comes back: so a recording has it too.
-
-        Parameters
-        ----------
-        output : Output
         """
         shown = self._converter.observe(output, monotonic()) if self._publishers else None
         if shown is not None:

@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Iterable
 from math import inf
 
+from fault_tolerance.mechanism.failure_modes import HEALTH_WORDS
 from fault_tolerance.nodes.messages import FAILURE_MODE_KEY
 
 MAX_BYTES = 4_000_000
@@ -35,6 +36,13 @@ MAX_DEBT = 2.0 * BURST
 A message that took long, perhaps on a busy machine, must not block a failure ten times as long.
 """
 
+MAX_COMMAND_DEBT = 0.1 * BURST
+"""Seconds by which the commands that failures bring may exceed it.
+
+The next failure may be of another drive: it waits for them ten times as long, until the next tick
+of the watchdog, and no longer.
+"""
+
 RESERVE = 0.25 * BURST
 """Seconds of the budget reserved for failures."""
 
@@ -49,7 +57,7 @@ _LOOK_PERIOD, _LONGEST_LOOK = 0.02, 20_000
 # before them and a zero at the end, and start at multiples of four; padding may hold anything.
 _FAILURE = re.compile(
     _KEY + rb'\0' + rb'[\s\S]' * (-(len(_KEY) + 1) % 4) + rb'[\s\S]{4}'
-    rb'(?!(?:none|ok|healthy|clear)\0)'
+    rb'(?!(?:' + '|'.join(HEALTH_WORDS).encode() + rb')\0)'
 )
 
 
@@ -116,9 +124,10 @@ class DiagnosticsQueue:
             return self._others.popleft() if credit > RESERVE else None
         return self._foreign.popleft() if credit >= BURST else None
 
-    def charge(self, seconds: float) -> None:
-        """Charge the budget with the ``seconds`` that a message took."""
-        self._credit = max(self._credit - seconds, -MAX_DEBT)
+    def charge(self, reading: float, command: float = 0.0) -> None:
+        """Charge the seconds that ``reading`` a message, and the ``command`` it brought, took."""
+        self._credit = max(self._credit - reading, -MAX_DEBT)
+        self._credit = max(self._credit - command, min(self._credit, -MAX_COMMAND_DEBT))
 
     def forget_repeats(self) -> None:
         """Accept the next message even if it repeats an earlier one."""

@@ -123,7 +123,7 @@ class DriveReports(Node):
             parts = self._watch.unseen(topic)
             if parts:
                 text = f'{topic} says nothing of {", ".join(dict.fromkeys(parts))}'
-                self.get_logger().warning(f'{text}: is what it calls them right?')
+                self.get_logger().warning(f'{text}: check the drive names in the rule file')
 
     def _present(self) -> tuple[int, str]:
         unseen = {part for topic in self._heard for part in self._watch.unseen(topic)}

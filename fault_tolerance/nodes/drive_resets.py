@@ -46,7 +46,7 @@ class DriveResets:
         self.missing: list[str] = []
         self._requests: dict[Reset, tuple[Client, Any]] = {}
         for reset in watch.resets:
-            kind: Any = message_type(reset.kind)
+            kind = message_type(reset.kind)
             if kind is not None:
                 request = _request(watch.rules.source, reset, kind)
                 self._requests[reset] = node.create_client(kind, reset.service), request
@@ -107,18 +107,19 @@ class DriveResets:
                 client.remove_pending_request(call)
                 remarks.append(f'{client.service_name} has not answered')
             elif not _granted(call):
-                words = clean(str(getattr(call.result(), 'message', ''))) or 'no reason given'
+                said = call.exception() or getattr(call.result(), 'message', '')
+                words = clean(str(said)) or 'no reason given'
                 remarks.append(f'{client.service_name} refused: {words}')
         well = ', '.join(part for part in self._parts if part not in failed)
         others = ', '.join(part for part in self._parts if part in failed)
         texts = [well and f'reset: {well}', others and f'not well after a reset: {others}']
-        said = '; '.join(filter(None, [*texts, *dict.fromkeys(remarks)]))
-        return not failed, said or 'no drive has failed'
+        message = '; '.join(filter(None, [*texts, *dict.fromkeys(remarks)]))
+        return not failed, message or 'no drive has failed'
 
 
 def _granted(call: Future) -> bool:
-    """Return what a service has answered; many have no word for it."""
-    return bool(getattr(call.result(), 'success', True))
+    """Return what a service has answered, if it has; many have no word for it."""
+    return call.exception() is None and bool(getattr(call.result(), 'success', True))
 
 
 def _request(source: str, reset: Reset, kind: Any) -> Any:

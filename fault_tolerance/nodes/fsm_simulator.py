@@ -111,7 +111,7 @@ class FsmSimulator(Node):
 
 
 def _settings(values: dict[str, Any]) -> PlantSettings:
-    return PlantSettings(**settings_from(PlantSettings, values))
+    return settings_from(PlantSettings, values)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -43,7 +43,7 @@ def living_publisher(node: Node) -> Publisher:
 class Heartbeat:
     """Notices when the controller in the namespace of ``node`` ends, dies or hangs.
 
-    ``on_change`` is to be set to what is called then, and when it is back.
+    `on_change` is called when the controller disappears or returns; the owner sets it.
     """
 
     def __init__(self, node: Node) -> None:

@@ -74,12 +74,9 @@ class InputSubscriber:
         )
 
     def on_joint_state(self, message: JointState) -> None:
-        """Take a joint state, and have a command follow it.
+        """Take a joint state, the ``message``, and have a command follow it.
 
-        Parameters
-        ----------
-        message : JointState
-            Positions in rad or m; joints that have failed may be absent or NaN.
+        Positions are in rad or m; joints that have failed may be absent or NaN.
         """
         now = self._timeline.now()
         failed = self._supervisor.output.failures.parts
@@ -110,12 +107,9 @@ class InputSubscriber:
         self._joint_states = self._subscription(2 * len(self._supervisor.mechanism.actuators))
 
     def on_task_velocity(self, message: TwistStamped) -> None:
-        """Take a task velocity.
+        """Take a task velocity, the ``message``, rad/s and m/s.
 
-        Parameters
-        ----------
-        message : TwistStamped
-            rad/s and m/s, of the platform's origin, in the axes of the base.
+        It is that of the platform's origin, in the axes of the base.
         """
         frame, twist = message.header.frame_id, twist_from_msg(message)
         if frame and frame != self._base_frame:
@@ -123,7 +117,7 @@ class InputSubscriber:
             self._health.warn(Notice('wrong_frame', text))
             return
         if not np.isfinite(twist).all():
-            # A number beside the task that is none spoils the message as well.
+            # A component outside the task that is not finite makes the whole message unusable.
             twist[self._rows] = np.nan
         elif twist[self._outside].any():
             text = 'task velocity has components outside the task: they are ignored'

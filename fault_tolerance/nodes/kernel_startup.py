@@ -73,10 +73,11 @@ class KernelStartup:
 
         The ``logger`` tells which it is.
         """
-        kernel, self._ready = self._ready, None
+        kernel = self._ready
         if kernel is None:
             return
-        supervisor.kernel = kernel
+        # Only now: the thread may set it at any moment.
+        self._ready, supervisor.kernel = None, kernel
         gc.freeze()  # what numba has brought need not be collected
         tell = logger.warning if kernel.reason else logger.info
         tell(f'kernel: {kernel.reason or "compiled"}')

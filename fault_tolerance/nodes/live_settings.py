@@ -13,9 +13,10 @@ from rclpy.parameter import Parameter
 
 from fault_tolerance.control.settings import Settings
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
 from fault_tolerance.nodes.parameters import declared_values, settings_from
-from fault_tolerance.nodes.silent_failures import SilentFailures, monitor_settings
+from fault_tolerance.nodes.silent_failures import SilentFailures
 
 
 class LiveSettings:
@@ -38,7 +39,7 @@ class LiveSettings:
             if mine:
                 self.values |= mine
                 supervisor.apply_settings(self.settings)
-                silent.go_on_with(monitor_settings(self.values))
+                silent.go_on_with(settings_from(MonitorSettings, self.values))
                 words = ', '.join(f'{name} = {value}' for name, value in mine.items())
                 self._node.get_logger().info(f'parameters set: {words}')
 
@@ -47,8 +48,8 @@ class LiveSettings:
 
 def _check(values: dict[str, Any]) -> None:
     _settings(values)
-    monitor_settings(values)
+    settings_from(MonitorSettings, values)
 
 
 def _settings(values: dict[str, Any]) -> Settings:
-    return Settings(**settings_from(Settings, values), clock=time.perf_counter)
+    return settings_from(Settings, values, clock=time.perf_counter)

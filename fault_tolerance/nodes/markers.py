@@ -1,7 +1,7 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A mirror as markers: struts coloured by failure, mirror, boresight, target."""
+"""A mechanism as markers: struts coloured by failure, platform, boresight, target."""
 
 from __future__ import annotations
 

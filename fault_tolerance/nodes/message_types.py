@@ -6,11 +6,14 @@
 from __future__ import annotations
 
 import importlib
+from functools import cache
+from typing import Any
 
 from rclpy.type_support import check_for_type_support
 
 
-def message_type(kind: str) -> type | None:
+@cache
+def message_type(kind: str) -> Any:
     """Return the class of ``kind``, as ``std_msgs/msg/Int32`` or ``std_srvs/srv/Trigger``.
 
     None where there is none on this machine.

@@ -53,7 +53,7 @@ CONTROLLER = (
     ),
     *_fields(
         Settings,
-        {'recovery': 'a comparison is with the same from the start on'},
+        {'recovery': 'recovery cannot be switched while running'},
         joint_state_timeout=(
             'hold if no usable joint state arrives for this long, in real time', 's', _TIMES),
         command_timeout=(
@@ -91,7 +91,8 @@ CONTROLLER = (
             'costs less',
             '', None, ('follow', 'tolerance')),
         secondary_speed=(
-            'of secondary coordinates on that way, per second: rad, or characteristic lengths',
+            'maximum speed of secondary coordinates towards higher tolerance, per second: rad, or '
+            'characteristic lengths',
             '1/s', (1e-6, 10.0)),
         misfit_limit=(
             'hold if redundant joint readings disagree by more than this share of '
@@ -116,11 +117,11 @@ CONTROLLER = (
         command_delay=(
             'from a command to its effect in the joint states; `commission` measures it',
             's', (0.0, 0.2)),
-        breakaway=('by which drives that stick may lag before they slip', 'm', (0.0, 1.0)),
+        breakaway=('distance a sticking drive may lag before it slips', 'm', (0.0, 1.0)),
         probe_period=('from one self-stress probe to the next; 0: on request only', 's',
                       (0.0, 1e6)),
         probe_amplitude=('of the probe; 0: from force and stroke', 'm', (0.0, 1.0)),
-        probe_force=('by which a probe may load a drive', 'N', (0.0, 1e6)),
+        probe_force=('largest extra force of a probe on a drive', 'N', (0.0, 1e6)),
         relief=('lead the strain back that a failure leaves behind, where efforts show it',),
     ),
     Parameter('pose_topic', '', 'topic of a pose sensor of the platform; empty: there is none'),
@@ -130,7 +131,7 @@ CONTROLLER = (
         'for one; empty: nothing',
     ),
     _live(
-        'reset_timeout', 10.0, 'for which ~/clear_failures waits for it', 's', _TIMES),
+        'reset_timeout', 10.0, 'longest wait of ~/clear_failures for reset_service', 's', _TIMES),
     _EXAGGERATION,
     Parameter(
         'realtime_priority', 0,
@@ -183,7 +184,7 @@ SIMULATOR = (
         encoder_bias=(
             'by how much the reading of a biased encoder jumps; times 1/Lc for radians',
             'm', (0.0, 1.0)),
-        weak_share=('how far a weak drive moves of what it is told', '', (0.0, 1.0)),
+        weak_share=('share of the commanded motion that a weak drive makes', '', (0.0, 1.0)),
         runaway_rate=(
             'speed of a drive that runs away, towards the upper end of its stroke; times 1/Lc '
             'for radians',

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter as NodeParameter
 
 from fault_tolerance.errors import FaultToleranceError
 
+_Settings = TypeVar('_Settings')
 Value = bool | int | float | str | tuple[float, ...]
 Check = Callable[[dict[str, Any]], object]
 """Validates values before they are set; raises `FaultToleranceError` or ValueError."""
@@ -34,8 +35,7 @@ class ParameterError(FaultToleranceError, ValueError):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(f'parameter {name}: {reason}')
-        self.name = name
-        self.reason = reason
+        self.name, self.reason = name, reason
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,12 @@ def declared_values(
     return values
 
 
-def settings_from(kind: type, values: dict[str, Any]) -> dict[str, Any]:
-    """Return the ``values`` by name that are fields of the dataclass ``kind``."""
+def settings_from(
+    kind: Callable[..., _Settings], values: dict[str, Any], **further: Any
+) -> _Settings:
+    """Return the dataclass ``kind`` of those ``values`` that are its fields, and of ``further``.
+
+    Errors are those of ``kind``.
+    """
     names = kind.__dataclass_fields__  # type: ignore[attr-defined]
-    return {name: value for name, value in values.items() if name in names}
+    return kind(**{name: values[name] for name in names if name in values}, **further)

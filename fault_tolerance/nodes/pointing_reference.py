@@ -72,7 +72,7 @@ class PointingReference(Node):
 
     def _set_up(self) -> None:
         self._reference = _reference(self._values)
-        self._loop = PointingLoop(**settings_from(PointingLoop, self._values))
+        self._loop = settings_from(PointingLoop, self._values)
 
     def _on_have_set(self, parameters: list[Parameter]) -> None:
         self._values |= {one.name: one.value for one in parameters if one.name in self._values}

@@ -15,6 +15,13 @@ from fault_tolerance.errors import FaultToleranceError
 # A node exits within 2 s of SIGINT; one that takes longer is killed.
 _PATIENCE = 5.0
 
+# PR_SET_PDEATHSIG (1) of Linux: a node ends with its parent, however that ends.
+_START = (
+    'import ctypes, runpy, signal, sys; '
+    'getattr(ctypes.CDLL(None), "prctl", max)(1, int(signal.SIGTERM)); '
+    'runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)'
+)
+
 
 class NodeProcesses:
     """The controller, the simulator and the pointing reference, each a process of its own.
@@ -32,16 +39,23 @@ class NodeProcesses:
 
     def __enter__(self) -> NodeProcesses:
         """Start them."""
-        for module, values in self._parameters.items():
-            command = [sys.executable, '-m', f'fault_tolerance.nodes.{module}', '--ros-args']
-            # The terminal is the parent's; what they say is on /rosout.
-            command += ['--disable-stdout-logs', *self._remapping]
-            for name, value in values.items():
-                text = str(value).lower() if isinstance(value, bool) else str(value)
-                command += ['-p', f'{name}:={text}']
-            # A process group of its own: Ctrl-C in the terminal reaches only the parent.
-            self._processes[module] = subprocess.Popen(command, start_new_session=True)
+        try:
+            for module, values in self._parameters.items():
+                self._start(module, values)
+        except BaseException:
+            self.__exit__()
+            raise
         return self
+
+    def _start(self, module: str, values: Mapping[str, object]) -> None:
+        command = [sys.executable, '-c', _START, f'fault_tolerance.nodes.{module}', '--ros-args']
+        # The terminal is the parent's; what they say is on /rosout.
+        command += ['--disable-stdout-logs', *self._remapping]
+        for name, value in values.items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            command += ['-p', f'{name}:={text}']
+        # A process group of its own: Ctrl-C in the terminal reaches only the parent.
+        self._processes[module] = subprocess.Popen(command, start_new_session=True)
 
     def check(self) -> None:
         """Raise `FaultToleranceError` if one of the processes has exited."""

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
-from functools import cache, partial
-from importlib import import_module
-from typing import Any
+from functools import partial
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -17,6 +15,7 @@ from rclpy.serialization import deserialize_message
 
 from fault_tolerance.analysis import topics
 from fault_tolerance.analysis.recorded_data import Message, Sample
+from fault_tolerance.nodes.message_types import message_type
 
 # Deep enough for the messages that arrive while the screen is refreshed or a file is read.
 _DEPTH = 200
@@ -45,7 +44,7 @@ class Recorder:
         for name, kind in topics.RECORDED.items():
             take = partial(self._take, node.resolve_topic_name(name), kind)
             profile = _PROFILES.get(name, _RELIABLE)
-            node.create_subscription(message_class(kind), name, take, profile, raw=True)
+            node.create_subscription(message_type(kind), name, take, profile, raw=True)
 
     def _take(self, topic: str, kind: str, data: bytes) -> None:
         self.samples.append(Sample(topic, kind, time.time_ns(), data))
@@ -55,11 +54,4 @@ def decoded(samples: Iterable[Sample]) -> Iterator[Message]:
     """Yield each of ``samples`` deserialised, except those of unknown topics."""
     for topic, kind, received, data in samples:
         if topics.is_read(topic):
-            yield Message(topic, received, deserialize_message(data, message_class(kind)))
-
-
-@cache
-def message_class(kind: str) -> Any:
-    """Return the class of the message type ``kind``, such as ``std_msgs/msg/String``."""
-    package, _, name = kind.split('/')
-    return getattr(import_module(f'{package}.msg'), name)
+            yield Message(topic, received, deserialize_message(data, message_type(kind)))

@@ -41,7 +41,7 @@ class ReportSubscriber:
 
     Reports count whose hardware id begins with ``prefix``; empty: any. ``health`` counts and logs
     messages that could not be read. ``apply`` is called with every `Batch`; its time counts
-    towards the share that reading may take.
+    towards the share that reading may take, but leaves nearly no debt.
     """
 
     def __init__(
@@ -77,6 +77,7 @@ class ReportSubscriber:
         """Read queued messages while the time budget lasts."""
         begin = self._timeline.now()
         while (raw := self._queue.pop(begin)) is not None:
+            reports: list[Report] = []
             try:
                 found = modes_in(raw) or _decoded(raw)
             except Exception as error:  # the middleware's own, for bytes that are no such message
@@ -84,10 +85,12 @@ class ReportSubscriber:
                 self._health.warn(Notice('undecodable', text))
             else:
                 batch = self._batch(found)
-                if batch.reports:
-                    self._apply(batch)
+                reports = batch.reports
+            read = self._timeline.now()
+            if reports:
+                self._apply(batch)
             end = self._timeline.now()
-            self._queue.charge(end - begin)
+            self._queue.charge(read - begin, end - read)
             begin = end
 
     def _batch(self, message: StampedModes) -> Batch:

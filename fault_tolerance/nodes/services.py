@@ -94,6 +94,8 @@ class OperatorServices:
                 return ''
             self._reset.remove_pending_request(call)
             return self._warned(f'{name} has not answered')
+        if call.exception() is not None:
+            return self._warned(f'{name} failed: {clean(str(call.exception()))}')
         words = clean(call.result().message) or f'{name} has answered'
         if not call.result().success:
             return self._warned(words)

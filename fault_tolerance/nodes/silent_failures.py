@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
@@ -39,6 +38,7 @@ from fault_tolerance.nodes.late_service import Answer, LateService
 from fault_tolerance.nodes.messages import (
     FAILURE_MODE_KEY,
     diagnostics_to_msg,
+    nanoseconds_from_msg,
     pose_from_msg,
     status_to_msg,
 )
@@ -81,7 +81,7 @@ class SilentFailures:
         self._node, self._supervisor, self._timeline = node, supervisor, timeline
         self._health, self._cycle = health, cycle
         self._mechanism = mechanism = supervisor.mechanism
-        settings, pose_topic = monitor_settings(values), values['pose_topic']
+        settings, pose_topic = settings_from(MonitorSettings, values), values['pose_topic']
         self._clock = node.get_clock()
         self._prefix = f'{prefix}/' if prefix else ''
         self._joints = JointStateReader(mechanism)
@@ -108,7 +108,8 @@ class SilentFailures:
             self._service.answer(False, 'detection is off')
             self._supervisor.add_probe_rates(None)
             self.monitor = Monitor(self._mechanism, settings)
-        self.monitor.settings = settings
+        else:
+            self.monitor.settings = settings
 
     def command(self, rates: FloatArray, answered: FloatArray | None = None) -> None:
         """Take the ``rates`` (N,) just published, in the mechanism's units; publish them named.
@@ -122,7 +123,6 @@ class SilentFailures:
             self.monitor.prober.interrupt()
             self.monitor.rates = None
             self._supervisor.add_probe_rates(None)
-            self._service.answer(True, self.monitor.prober.finding)
         if self._commands.get_subscription_count():
             message = JointState(name=list(self._mechanism.joint_state_names))
             message.header.stamp = now.to_msg()
@@ -133,19 +133,15 @@ class SilentFailures:
             self._commands.publish(message)
 
     def observe(self, message: JointState) -> None:
-        """Take a joint state, after the command that answers it.
-
-        Parameters
-        ----------
-        message : JointState
-        """
+        """Take a joint state, the ``message``, after the command that answers it."""
         if not self._listening:
             return
         output = self._supervisor.output
         self.monitor.detector.advance = self._supervisor.kernel.advance
         estimate, monitor = output.estimate, self.monitor
         sighting = Sighting(
-            self._nanoseconds(message.header.stamp), estimate.readings,
+            nanoseconds_from_msg(message.header.stamp) or self._clock.now().nanoseconds,
+            estimate.readings,
             self._joints.efforts(message.name, message.effort), self._pose,
         )
         self._pose, self._failures = None, output.failures
@@ -161,6 +157,18 @@ class SilentFailures:
         if self._service.awaited and not monitor.prober.probing:
             self._service.answer(True, monitor.prober.finding)
         self._supervisor.add_probe_rates(monitor.rates)
+
+    def look(self) -> None:
+        """Answer those who wait for a probe where nothing moves: there may be no more readings."""
+        prober, state = self.monitor.prober, self._supervisor.output.state
+        if self._service.awaited and state not in MOVING:
+            begun = prober.straining or not prober.probing
+            prober.interrupt()
+            self._service.answer(begun, prober.finding if begun else f'{AT_REST}: {state.value}')
+
+    def suspected(self) -> str:
+        """Return the candidates of every suspicion, as text."""
+        return self.monitor.suspected
 
     def values(self) -> dict[str, str]:
         """Return what belongs into the metrics, texts by key."""
@@ -189,13 +197,8 @@ class SilentFailures:
                     self._health.warn(Notice('inconsistent', text, rejected=False))
         for one in before:
             if one not in present:
-                logger.info(f'detection: {one.name} does what it is told again')
+                logger.info(f'detection: {one.name} follows its commands again')
         self._publish()
-
-    def _nanoseconds(self, stamp: Time) -> int:
-        if stamp.sec or stamp.nanosec:
-            return int(stamp.sec) * 10**9 + int(stamp.nanosec)
-        return int(self._clock.now().nanoseconds)
 
     def _on_pose(self, message: PoseStamped) -> None:
         try:
@@ -230,8 +233,3 @@ class SilentFailures:
             DETECTION, f'{self._prefix}{suspicion.name}',
             ERROR if FAILURE_MODE_KEY in values else WARN, str(suspicion), values,
         )
-
-
-def monitor_settings(values: dict[str, Any]) -> MonitorSettings:
-    """Return the settings of detection among the parameters' ``values``; ValueError if wrong."""
-    return MonitorSettings(**settings_from(MonitorSettings, values))

@@ -70,15 +70,18 @@ class SimulatedBrakes:
                 self._close(name)
         elif not engaged and name in self._held:
             before = self._held.pop(name)
+            self._end_timer(name)
             if present == 'position':
                 self._apply(FaultCommand(before, (name,)))
 
     def _close(self, name: str) -> None:
+        self._end_timer(name)
+        silent = not self._node.get_parameter('brakes_report').value
+        self._apply(FaultCommand('position', (name,), silent))
+
+    def _end_timer(self, name: str) -> None:
         if name in self._closing:
             self._node.destroy_timer(self._closing.pop(name))
-        if name in self._held:
-            silent = not self._node.get_parameter('brakes_report').value
-            self._apply(FaultCommand('position', (name,), silent))
 
     def _release(self, name: str, engaged: bool) -> None:
         if engaged and name not in self._plant.lost_struts:

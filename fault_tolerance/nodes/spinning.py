@@ -8,7 +8,7 @@ from __future__ import annotations
 import gc
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -121,22 +121,46 @@ def turn(executor: Executor, node: Node) -> None:
 
 @contextmanager
 def spun(create: Callable[[], _NodeType]) -> Iterator[tuple[_NodeType, Executor]]:
-    """Initialise ROS for an interactive tool, and shut it down at the end.
+    """Initialise ROS for an interactive tool, and shut it down at the end, by a signal too.
 
     Yields the node that ``create`` returns, and the executor that spins it.
     """
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node, executor = create(), make_executor()
-        limit_blas_threads()
-        executor.add_node(node)
+    # By itself Python would end at once, and leave running what the tool has started.
+    ending = [one for one in (signal.SIGTERM, signal.SIGHUP)
+              if signal.getsignal(one) is signal.SIG_DFL]
+    with handled(ending, _leave):
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         try:
-            yield node, executor
+            node, executor = create(), make_executor()
+            limit_blas_threads()
+            executor.add_node(node)
+            try:
+                yield node, executor
+            finally:
+                executor.remove_node(node)
+                node.destroy_node()
         finally:
-            executor.remove_node(node)
-            node.destroy_node()
+            rclpy.try_shutdown()
+
+
+@contextmanager
+def handled(
+    numbers: Iterable[signal.Signals], handler: Callable[[int, object], object]
+) -> Iterator[None]:
+    """Have the ``handler`` called, with number and frame, at the signals ``numbers`` meanwhile.
+
+    Yields None.
+    """
+    before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
     finally:
-        rclpy.try_shutdown()
+        for number, handler_before in before.items():
+            signal.signal(number, handler_before)
+
+
+def _leave(number: int, _: object) -> None:
+    raise SystemExit(128 + number)
 
 
 def make_executor() -> Executor:

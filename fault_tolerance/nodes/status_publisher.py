@@ -16,6 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from fault_tolerance.control.failure_reports import ERROR, OK
+from fault_tolerance.control.metrics import Metrics
 from fault_tolerance.control.state_machine import State
 from fault_tolerance.control.step_output import Output
 from fault_tolerance.control.supervisor import WAITING, Supervisor
@@ -45,20 +46,23 @@ class StatusPublisher:
     """Publishes ``~/state`` and ``~/status`` and logs on change, and publishes the metrics.
 
     Level and text are those that ``health`` tells on the diagnostics. A ``prefix`` begins the
-    hardware ids. ``deferred`` gets work that must not delay a command. ``further`` returns what
-    else belongs into the metrics, texts by key, ``missing`` what a waiting controller lacks.
+    hardware ids. ``deferred`` gets work that must not delay a command. ``suspected`` returns
+    what detection suspects, as text, ``further`` what else belongs into the metrics, texts by key,
+    ``missing`` what a waiting controller lacks.
     ``report_stamp`` is the stamp of the last report that changed anything, seconds as text.
     """
 
     def __init__(
         self, node: Node, supervisor: Supervisor, prefix: str, deferred: Deferred,
-        health: Health, further: Callable[[], dict[str, str]], missing: Callable[[], str],
+        health: Health, suspected: Callable[[], str], further: Callable[[], dict[str, str]],
+        missing: Callable[[], str],
     ) -> None:
         self.report_stamp = ''
         self._node = node
         self._supervisor = supervisor
         self._health = health
-        self._deferred, self._further, self._missing = deferred, further, missing
+        self._deferred, self._suspected = deferred, suspected
+        self._further, self._missing = further, missing
         self._conversions = ConversionPublisher(node, supervisor, health, prefix)
         self._metrics = MetricsPublisher(node, supervisor.mechanism, prefix)
         self._names = status_name(node, 'status'), '/'.join(
@@ -96,7 +100,7 @@ class StatusPublisher:
             self._deferred.add(self._publish_change)
         if now >= self._metrics_due:
             self._metrics_due = max(self._metrics_due + METRICS_PERIOD, now)
-            self._deferred.add(self.publish_metrics)
+            self._deferred.add(self._publish_metrics)
         if now >= self._collection_due:
             self._collection_due = now + COLLECTION_PERIOD
             self._deferred.add(gc.collect)
@@ -127,25 +131,26 @@ class StatusPublisher:
         else:
             logger.warning(text)
         self._conversions.update()
-        self._deferred.add(self.publish_metrics)
+        self._deferred.add(self._publish_metrics)
 
-    def publish_metrics(self) -> None:
+    def _publish_metrics(self) -> None:
         """Publish the status if it has changed, and the metrics if anybody subscribes to them.
 
-        In pieces of a millisecond, so that no joint state is lost for them.
+        In pieces, so that no joint state is lost for them.
         """
-        output, further = self._supervisor.output, self._further()
+        output = self._supervisor.output
         if self._published:
-            self._publish_status(output, further['suspected'])
+            self._publish_status(output)
         if self._metrics.subscribed:
-            self._deferred.add(partial(self._judge, output, further))
+            self._deferred.add(partial(self._judge, output))
 
-    def _judge(self, output: Output, further: dict[str, str]) -> None:
-        """Derive the metrics of ``output``; they are published with the ``further`` values."""
-        metrics = self._supervisor.metrics(output)
-        residual = ', '.join(map(decimal, output.residual.tolist()))
-        further |= {
-            'residual': residual, 'report_stamp': self.report_stamp,
+    def _judge(self, output: Output) -> None:
+        self._deferred.add(partial(self._complete, output, self._supervisor.metrics(output)))
+
+    def _complete(self, output: Output, metrics: Metrics) -> None:
+        further = self._further() | {
+            'residual': ', '.join(map(decimal, output.residual.tolist())),
+            'report_stamp': self.report_stamp,
             'conversion': str(self._supervisor.converter),
         }
         self._deferred.add(lambda: self._metrics.publish(
@@ -153,14 +158,14 @@ class StatusPublisher:
             self._health.with_notices(metrics.level, self._completed(metrics.message)), further,
         ))
 
-    def _publish_status(self, output: Output, suspected: str) -> None:
+    def _publish_status(self, output: Output) -> None:
         level, text = self._health.told()
         status = status_to_msg(
             *self._names, level, text.removeprefix(f'{output.state.value}: '),
             {
                 'state': output.state.value,
                 'failures': ', '.join(map(str, output.failures.failures)),
-                'suspected': suspected,
+                'suspected': self._suspected(),
             },
         )
         if status != self._told:

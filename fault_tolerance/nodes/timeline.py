@@ -39,14 +39,9 @@ class TimeLine:
         ]
 
     def call_on_jump(self, callback: Callable[[float], None]) -> None:
-        """Register a callback for a clock that is set back or exchanged.
+        """Have a ``callback`` called with the present when the clock is set back or exchanged.
 
         Only simulated time does that; wall clock changes are ignored.
-
-        Parameters
-        ----------
-        callback : callable
-            Called with the present, monotonic seconds.
         """
         threshold = JumpThreshold(
             min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
@@ -65,17 +60,9 @@ class TimeLine:
         return self._clock.now().to_msg()
 
     def monotonic(self, stamp: Time) -> float | None:
-        """Convert a stamp to the time line by its age.
+        """Convert a ``stamp``, any object with ``sec`` and ``nanosec``, by its age.
 
-        Parameters
-        ----------
-        stamp : Time
-            Any object with ``sec`` and ``nanosec``.
-
-        Returns
-        -------
-        float or None
-            Monotonic seconds; None for a zero stamp, which means "not stamped".
+        Returns monotonic seconds; None for a zero stamp, which means "not stamped".
         """
         sec, nanosec = stamp.sec, stamp.nanosec
         if not (sec or nanosec):

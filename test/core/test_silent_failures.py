@@ -58,6 +58,17 @@ def test_a_stuck_drive_is_named_at_once_and_costs_little(engine):
     assert errors['act'] < 20e-6
 
 
+def test_what_is_found_shows_in_the_period_in_which_it_is_found():
+    loop = loop_of()
+    loop.run(1.5)
+    loop.inject('silent stuck theta_4')
+    while not loop.monitor.detector.suspicions:
+        trace = loop.run(PERIOD)
+    assert trace.states == (State.DEGRADED,)
+    np.testing.assert_array_equal(trace.rates[0], loop.supervisor.output.rates)
+    assert trace.rates[0, 3] == 0.0
+
+
 def test_advice_changes_no_command():
     rates = {}
     for detect in ('off', 'advise'):

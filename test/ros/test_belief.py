@@ -4,12 +4,21 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from node_rig import Plant, rms
 from rclpy.qos import qos_profile_sensor_data
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
+
+from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes import belief_publisher
+from fault_tolerance.nodes.spinning import Deferred
 
 NAMES = ['theta_1', 'theta_2', 'theta_3', 'theta_4']
 
@@ -61,3 +70,31 @@ def test_the_pointing_loop_closes_around_the_belief_as_well(start, probe):
     probe.wait_for_state('nominal')
     # The circle has a radius of 1000 microradians; a busy machine may lose it for a while.
     probe.wait(lambda: len(errors) > 250 and min(rms(errors[-250:])) < 2e-5, 'the circle')
+
+
+def test_every_joint_state_at_the_least_period_has_its_own_pose(probe, monkeypatch):
+    supervisor, deferred, time = Supervisor(mechanism_named('mirror_4_strut')), Deferred(), [0.0]
+    monkeypatch.setattr(belief_publisher, 'monotonic', lambda: time[0])
+    belief = belief_publisher.BeliefPublisher(probe.node, supervisor, 'base', 1.0, deferred)
+    topic = f'{probe.node.get_name()}/platform_pose'
+    poses = probe.heard(PoseStamped, topic, 100)
+    probe.wait(lambda: probe.node.count_subscribers(topic), 'a subscriber')
+
+    def reading(number):
+        tilt = 1e-5 * (number % 3 - 1)
+        supervisor.joint_reading(np.array([tilt, 0.0, -tilt, 0.0]), time[0])
+        supervisor.step(time[0])
+        return JointState(header=Header(stamp=Time(sec=number)))
+
+    for number in range(1, 41):
+        # 250 Hz, and now and then a little early.
+        time[0] = 100.0 + 0.004 * number - 0.0005 * (number % 4 == 0)
+        belief.observe(reading(number))
+        # One more is answered before there is time for the pose of the first.
+        reading(number + 1)
+        while deferred:
+            deferred.run_next()
+    probe.wait(lambda: len(poses) >= 38, 'poses')
+    for one in poses:
+        expected = 5e-4 * abs(one.header.stamp.sec % 3 - 1)
+        assert np.hypot(*turned(one)[:2]) == pytest.approx(expected, rel=0.1, abs=1e-5)

@@ -13,9 +13,11 @@ import time
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from node_rig import CALM, Probe
+from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from fault_tolerance.mechanism.catalogue import mechanism_path
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
+from fault_tolerance.nodes.commissioner import Commissioner
 
 
 def process(*words, stdin=subprocess.DEVNULL):
@@ -177,6 +179,19 @@ def test_another_node_that_commands_is_refused(start, simulator, probe):
     assert code == 2
     assert 'fault_tolerance publishes /velocity_controller/commands' in errors or \
         'a node publishes /velocity_controller/commands' in errors or 'commanded' in output
+
+
+def test_a_rival_may_have_the_same_name(probe):
+    """Names end in the number of the process, which is the same in two containers."""
+    ours = Commissioner(mechanism_named('mirror_3_strut'), 'contended')
+    ours.begin()
+    assert not ours.rivals
+    theirs = Node(ours.get_name(), namespace='contended', enable_rosout=False)
+    theirs.create_publisher(Float64MultiArray, 'velocity_controller/commands', 10)
+    probe.wait(lambda: ours.rivals, 'a rival')
+    assert ours.rivals == [ours.get_name()]
+    for node in (ours, theirs):
+        node.destroy_node()
 
 
 @pytest.mark.slow

@@ -4,13 +4,23 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import Float64MultiArray, String
 
-from fault_tolerance.mechanism.catalogue import mechanism_path
+from fault_tolerance.analysis.topics import BRAKE_COMMANDS
+from fault_tolerance.mechanism.catalogue import mechanism_named, mechanism_path
+from fault_tolerance.nodes.messages import labelled_array_to_msg
+from fault_tolerance.nodes.simulated_brakes import SimulatedBrakes
+from fault_tolerance.simulation.engines import plant_named
+
+BRAKE_TIME = 0.4
+"""Seconds."""
 
 
 @pytest.fixture
@@ -93,3 +103,29 @@ def test_a_brake_that_does_not_confirm_leaves_the_stop_in_force(machine, probe):
     probe.wait_for_state('stopped')
     probe.wait(lambda: 'not confirmed within 1 s: theta_2' in controller.output, 'a warning')
     assert probe.state == 'stopped'
+
+
+def test_a_brake_that_lets_go_before_it_has_closed_begins_anew(probe):
+    mechanism = mechanism_named('mirror_3_strut')
+    plant = plant_named('elastic', replace(mechanism, actuators=tuple(
+        replace(one, brake=True) for one in mechanism.actuators)))
+    done, node = [], probe.node
+    node.declare_parameter('brake_time', BRAKE_TIME)
+    node.declare_parameter('brakes_report', True)
+
+    def apply(command):
+        done.append((time.monotonic(), str(command.mode)))
+        plant.apply(command)
+
+    SimulatedBrakes(node, plant, apply)
+    publisher = node.create_publisher(Float64MultiArray, BRAKE_COMMANDS, 10)
+    probe.wait(publisher.get_subscription_count, 'the brakes')
+    for value in (1.0, 0.0, 1.0):
+        begin = time.monotonic()
+        publisher.publish(labelled_array_to_msg({'theta_1': value}))
+        probe.spin(0.3 * BRAKE_TIME)
+    probe.wait(lambda: done, 'a brake that closes')
+    assert done[0][0] - begin > 0.95 * BRAKE_TIME
+    publisher.publish(labelled_array_to_msg({'theta_1': 0.0}))
+    probe.wait(lambda: len(done) > 1, 'a brake that lets go')
+    assert [mode for _, mode in done] == ['position', 'none']

@@ -138,6 +138,15 @@ def check_end_with_readings(machine):
     assert machine.probed().message == 'the controller does not move the mechanism: hold'
     os.killpg(machine.simulator.process.pid, signal.SIGCONT)
     machine.probe.wait_for_state('nominal')
+    # Nor is one that has not begun.
+    os.killpg(machine.simulator.process.pid, signal.SIGSTOP)
+    machine.probe.spin(0.03)
+    answers = [client.call_async(Trigger.Request()) for _ in range(3)]
+    machine.probe.wait(lambda: all(one.done() for one in answers), 'the answers')
+    machine.probe.wait_for_state('hold')
+    assert 'does not move the mechanism' in answers[-1].result().message
+    os.killpg(machine.simulator.process.pid, signal.SIGCONT)
+    machine.probe.wait_for_state('nominal')
 
 
 def test_a_probe_is_refused_with_the_reason(start, probe):

@@ -190,3 +190,24 @@ def test_a_message_that_took_very_long_does_not_keep_others_waiting():
     queue.put(report('b'), 0.01)
     assert queue.pop(0.01) is None
     assert queue.pop(0.01 + 1.5 * MAX_DEBT / SHARE) == report('b')
+
+
+def test_a_command_that_took_long_does_not_keep_the_next_failure_waiting():
+    queue = DiagnosticsQueue(NAMES)
+    first, second = serialised(1, 'position'), serialised(2, 'position')
+    queue.put(first, 0.0)
+    assert queue.pop(0.0) == first
+    queue.charge(0.0001, 5.0)
+    queue.put(second, 0.0)
+    # The next tick of the watchdog.
+    assert queue.pop(0.0101) == second
+
+
+def test_in_a_flood_of_failures_commands_leave_most_of_the_time_to_joint_states():
+    queue, command, taken = DiagnosticsQueue(NAMES), 0.002, 0
+    for tick in range(2000):
+        queue.put(serialised(tick, 'position'), 0.001 * tick)
+        while queue.pop(0.001 * tick) is not None:
+            queue.charge(0.00005, command)
+            taken += 1
+    assert 0.1 * 2.0 < taken * command < 0.3 * 2.0

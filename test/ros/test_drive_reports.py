@@ -12,11 +12,16 @@ from typing import Any
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from node_rig import Probe, values_of
+from rclpy.client import Client
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Int32MultiArray
 from std_srvs.srv import SetBool, Trigger
 
+from fault_tolerance.drive_rules.drive_watch import DriveWatch
+from fault_tolerance.drive_rules.rule_files import rules_named
+from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.nodes.drive_resets import DriveResets
 from fault_tolerance.nodes.message_types import message_type
 
 RULES = """
@@ -188,10 +193,14 @@ def test_two_rules_about_one_drive_add_up_and_it_is_reset(machine, plant, probe)
     cleared = client.call_async(Trigger.Request())
     plant.reach('hold')
     probe.metrics.clear()
-    while not probe.metrics:
+
+    def told():
+        # Metrics from before the hold may still be on their way.
         plant.step()
         assert probe.state == 'hold' and not cleared.done()
-    assert 'drives are reset' in probe.metrics[-1].status[0].message
+        return probe.metrics and 'drives are reset' in probe.metrics[-1].status[0].message
+
+    probe.wait(told, 'why it holds')
     machine.legs()
     probe.wait(cleared.done, 'the answer')
     assert cleared.result().message.startswith('reset: theta_4; released ')
@@ -247,7 +256,8 @@ def test_a_type_that_is_missing_is_told_in_one_line(start, probe, tmp_path):
     # What has said nothing after 5 s is told too.
     probe.wait(lambda: 'never heard waits for it' in node.output, 'the line about silence')
     assert 'nothing on never yet' in node.output
-    probe.wait(lambda: 'is what it calls them right?' in node.output, 'the line about drives')
+    text = 'check the drive names in the rule file'
+    probe.wait(lambda: text in node.output, 'the line about drives')
     assert '/diagnostics says nothing of theta_1, theta_2, theta_3, theta_4:' in node.output
     assert 'elsewhere' not in node.output
     assert node.alive
@@ -277,3 +287,28 @@ def test_types_are_found_by_name(kind, there):
     assert (found is not None) is there
     if there:
         assert found.__name__ == kind.rpartition('/')[2]
+
+
+def test_a_call_that_raises_is_answered_with_its_error(probe, tmp_path, monkeypatch):
+    file = tmp_path / 'rules.yaml'
+    file.write_text(RULES)
+    watch = DriveWatch(rules_named(str(file)), mechanism_named('fsm_4_strut'))
+    watch.take('amplifiers/codes', Int32MultiArray(data=[0, 0, 0, 3]))
+    resets = DriveResets(probe.node, watch, 0.5)
+    name = probe.node.resolve_service_name('amplifiers/reset_3')
+    probe.node.create_service(SetBool, name, lambda _, response: response)
+    client = probe.node.create_client(Trigger, '~/reset')
+    call = Client.call_async
+
+    def broken(self, request):
+        future = call(self, request)
+        if self.service_name == name:
+            future.set_exception(RuntimeError('of another version'))
+        return future
+
+    monkeypatch.setattr(Client, 'call_async', broken)
+    probe.wait(lambda: client.service_is_ready() and probe.node.count_services(name), 'services')
+    answer = client.call_async(Trigger.Request())
+    probe.wait(lambda: resets.look() or answer.done(), 'an answer')
+    assert not answer.result().success
+    assert answer.result().message.endswith(f'{name} refused: of another version')

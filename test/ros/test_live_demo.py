@@ -3,12 +3,15 @@
 """The demonstration for real: three processes, one failure, with recovery and without."""
 
 import json
+import signal
 import subprocess
 import sys
 from collections import Counter
 
 import pytest
 from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.analysis.bags import read_samples
@@ -121,3 +124,54 @@ def test_a_node_that_cannot_start_ends_the_demonstration():
         [sys.executable, '-c', script], capture_output=True, text=True, timeout=60
     )
     assert 'controller ended with exit code 2' in done.stderr
+
+
+OWNER = (
+    'import sys\n'
+    'from rclpy.node import Node\n'
+    'from fault_tolerance.nodes.processes import NodeProcesses\n'
+    'from fault_tolerance.nodes.spinning import spun\n'
+    "simulator = {'fsm_simulator': {'rate': 50.0}}\n"
+    "with spun(lambda: Node('owner')) as (_, executor):\n"
+    '    with NodeProcesses(simulator, sys.argv[1]):\n'
+    '        while True:\n'
+    '            executor.spin_once(timeout_sec=0.05)\n'
+)
+
+
+def test_nodes_end_with_the_demonstration_however_that_ends(probe):
+    numbers = (signal.SIGTERM, signal.SIGKILL)
+    names = [number.name.lower() for number in numbers]
+    heard = [probe.heard(JointState, f'/{name}/joint_states', qos_profile_sensor_data)
+             for name in names]
+    running = [subprocess.Popen([sys.executable, '-c', OWNER, name]) for name in names]
+    try:
+        probe.wait(lambda: all(heard), 'joint states')
+        for process, number in zip(running, numbers, strict=True):
+            process.send_signal(number)
+        probe.wait(lambda: not any(
+            probe.node.count_publishers(f'/{name}/joint_states') for name in names
+        ), 'the end of the nodes', 10.0)
+        assert [process.wait(10.0) for process in running] == [128 + 15, -9]
+    finally:
+        for process in running:
+            process.kill()
+
+
+def test_nodes_end_where_a_further_one_cannot_be_started():
+    script = (
+        'import os\n'
+        'from fault_tolerance.nodes.processes import NodeProcesses\n'
+        'try:\n'
+        "    with NodeProcesses({'fsm_simulator': {}, 'controller': {'mechanism': '\\0'}}):\n"
+        "        print('began')\n"
+        'except ValueError:\n'
+        '    try:\n'
+        '        os.waitpid(-1, os.WNOHANG)\n'
+        '    except ChildProcessError:\n'
+        "        print('nobody is left')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == 'nobody is left\n'

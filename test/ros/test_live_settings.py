@@ -79,7 +79,7 @@ def test_a_timeout_counts_for_what_comes_next(probe, plant):
     ({'stroke_gain': 0.0}, 'stroke_gain out of range Min: 0.001, Max: 10000.0, value: 0.0'),
     ({'mechanism': 'fsm_3_strut'}, 'parameter mechanism: the node is built with it'),
     ({'stroke_gain': 5.0, 'pose_topic': 'x'}, 'parameter pose_topic: the node is built with it'),
-    ({'recovery': False}, 'parameter recovery: a comparison is with the same from the start on'),
+    ({'recovery': False}, 'parameter recovery: recovery cannot be switched while running'),
     ({'command_delay': 0.01}, 'parameter command_delay: the evidence gathered so far'),
 ])
 def test_what_is_refused_says_why_and_changes_nothing(settled, values, reason):

@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from fault_tolerance.control.state_machine import State
+from fault_tolerance.detection.monitor import Monitor
 from fault_tolerance.nodes.command_publisher import CommandPublisher
 from fault_tolerance.nodes.controller import LATE, Controller
 from fault_tolerance.nodes.health import Health
@@ -116,6 +117,19 @@ def test_metrics_come_five_times_a_second_whatever_the_rate_of_joint_states(
         node._status.update(node._supervisor.output, start + 1e-3 * count)
         rested(node)
     assert told == ['metrics'] * 10
+
+
+def test_what_can_be_told_apart_is_derived_for_subscribers_only(node, monkeypatch):
+    """After a change of failures that takes milliseconds: it has a piece of its own."""
+    derived = []
+    monkeypatch.setattr(Monitor, 'values', lambda *_: derived.append(len(derived)) or {})
+    for subscribed in (False, True):
+        monkeypatch.setattr(MetricsPublisher, 'subscribed', subscribed)
+        node._inputs.on_joint_state(joint_state(node))
+        node._reports.on_diagnostics(report(node))
+        node._status.update(node._supervisor.output, node._status._metrics_due)
+        rested(node)
+        assert bool(derived) is subscribed
 
 
 @pytest.mark.timed

@@ -21,7 +21,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from fault_tolerance.analysis.bags import read_samples, write_bag
 from fault_tolerance.analysis.topics import RECORDED, split
-from fault_tolerance.nodes.recorder import Recorder, decoded, message_class
+from fault_tolerance.nodes.message_types import message_type
+from fault_tolerance.nodes.recorder import Recorder, decoded
 
 NAMESPACE = 'robot'
 COUNT = 5
@@ -29,7 +30,7 @@ COUNT = 5
 
 def messages(topic):
     """Return messages that use what their type has."""
-    kind = message_class(RECORDED[topic])
+    kind = message_type(RECORDED[topic])
     if kind is JointState:
         return [JointState(name=['theta_1', 'µ'], position=array('d', [n, -1e-300]),
                            effort=array('d', [float('nan')])) for n in range(COUNT)]
@@ -65,7 +66,7 @@ def taken(ros):
         if topic in ('fault_tolerance/state', 'fault_tolerance/status', 'operator/phase',
                      '/rosout'):
             profile = LATCHED
-        publisher = node.create_publisher(message_class(kind), topic, profile)
+        publisher = node.create_publisher(message_type(kind), topic, profile)
         probe.wait(publisher.get_subscription_count, topic)
         name = node.resolve_topic_name(topic)
         # As bytes: of what lies between fields every serialization makes something else.

@@ -18,10 +18,12 @@ from core.detection.detection_cases import (
 
 from fault_tolerance.control.failure_reports import ERROR, Report
 from fault_tolerance.control.state_machine import State
-from fault_tolerance.detection.hypotheses import Symptom
+from fault_tolerance.detection import conviction, detector
+from fault_tolerance.detection.hypotheses import Hypothesis, Symptom
 from fault_tolerance.detection.monitor_settings import MonitorSettings
 from fault_tolerance.detection.responses import Sensors
 from fault_tolerance.detection.sighting import Sighting
+from fault_tolerance.detection.suspicion import Suspicion
 from fault_tolerance.simulation.reference import Circle
 
 
@@ -301,6 +303,46 @@ def test_advice_stays_while_it_is_seen_and_ends_when_it_is_mended(word, mode):
     assert suspected(loop) == ()
     loop.run(0.5)
     assert suspected(loop) == ()
+
+
+def test_what_has_healed_is_dropped_whatever_its_worst_candidate_is_called(monkeypatch):
+    """A drive of a strut that may be lost: both are one part, with two names."""
+    loop = warm()
+    stuck, lost = Hypothesis(Symptom.STUCK, 'theta_4'), Hypothesis(Symptom.LOST, 'strut_4')
+
+    def convicted(bank, *_):
+        healed, found = Hypothesis(Symptom.HEALED, 'theta_4'), bank.found.hypotheses
+        place = found.index(healed if healed in found else stuck)
+        return conviction.Conviction(place, (stuck, lost), True)
+
+    def suspicion_of(*_):
+        return Suspicion((stuck, lost), 50.0, 0, 0.0, parts=('strut_4',))
+
+    monkeypatch.setattr(detector, 'conviction', convicted)
+    monkeypatch.setattr(detector, 'suspicion_of', suspicion_of)
+    loop.run(PERIOD)
+    (found,) = loop.monitor.detector.suspicions
+    assert (found.name, found.candidates[0].name) == ('strut_4', 'theta_4')
+    loop.run(2 * PERIOD)
+    assert not [one for one in loop.monitor.detector.suspicions if one is found]
+
+
+def test_what_a_suspicion_would_lead_to_is_derived_once_while_it_is_forming(monkeypatch):
+    loop, asked = warm(), []
+    candidates = Hypothesis(Symptom.STUCK, 'theta_4'), Hypothesis(Symptom.FREE, 'theta_3')
+    outlook = conviction.outlook
+
+    def convicted(bank, *_):
+        return conviction.Conviction(
+            bank.found.hypotheses.index(candidates[0]), candidates, False)
+
+    monkeypatch.setattr(detector, 'conviction', convicted)
+    monkeypatch.setattr(conviction, 'outlook', lambda *a: asked.append(a) or outlook(*a))
+    loop.run(0.3)
+    assert loop.monitor.detector.forming.candidates == candidates
+    assert loop.monitor.detector.forming.outlook == outlook(*asked[-1])
+    # Once more where the responses have been derived anew.
+    assert len(asked) <= 2
 
 
 def test_a_drive_that_still_moves_by_itself_is_not_released():

@@ -227,7 +227,7 @@ def test_at_rest_it_finds_the_encoders_that_can_be_seen_and_names_the_others():
 
 
 def refusal(loop):
-    return loop.monitor.prober.refusal()
+    return loop.monitor.prober.request()
 
 
 def with_settings(loop, **changes):
@@ -273,14 +273,15 @@ def test_without_a_known_stiffness_an_amplitude_is_needed():
         monitor.detector._noise = source.detector._noise
         monitor.detector.rows = home_rows(mechanism)
         monitor.prober._moving, monitor.prober._values = True, np.zeros(4)
-        assert reason in monitor.prober.refusal()
-        assert bool(monitor.prober.refusal()) == bool(reason)
+        refused = monitor.prober.request()
+        assert reason in refused
+        assert bool(refused) == bool(reason)
 
 
 def test_not_near_the_end_of_a_stroke():
     prober = warm().monitor.prober
     prober._values = np.array([0.0, 0.0, prober._mechanism.position_limits[2, 1], 0.0])
-    assert prober.refusal() == 'too near the end of the stroke: theta_3'
+    assert prober.request() == 'too near the end of the stroke: theta_3'
 
 
 def test_settings_say_what_is_wrong_with_them():

@@ -21,6 +21,7 @@ from fault_tolerance.kinematics.failures import FailureSet, failure_set
 from fault_tolerance.kinematics.rows import home_rows, strut_rows
 from fault_tolerance.kinematics.subspaces import null_space
 from fault_tolerance.mechanism.catalogue import mechanism_named
+from fault_tolerance.mechanism.freedom import attachment_of
 from fault_tolerance.simulation.plant import ElasticPlant
 from fault_tolerance.simulation.plant_settings import PlantSettings
 
@@ -76,13 +77,15 @@ def compare(mechanism, side, rows, suspects, present=(), **options):
     """Compare every one of the hypotheses ``suspects`` with a plant of its own."""
     known = failure_set(mechanism, present)
     found = responses(rows, known, suspects, Sensors(True, True))
+    held = attachment_of(mechanism, known.lost).held
     for place, suspect in enumerate(suspects):
         bench = Bench(mechanism, side, **options)
         broken(bench.plant, *(f'{mode} {name}' for mode, name in present))
         if suspect != HEALTHY:
             broken(bench.plant, f'silent {WORDS[suspect.symptom]} {suspect.name}')
         off = bench.responses() - found.matrices[place]
-        off[~found.seen] = 0.0
+        # Encoders and efforts of lost struts count for nothing.
+        off[: 2 * len(held)][~np.tile(held, 2)] = 0.0
         # Efforts mean nothing where there is none.
         drift = found.drift[place]
         if drift.any():

@@ -105,3 +105,10 @@ def test_what_has_always_been_there_is_left_alone():
     loop.run(1.0)
     assert loop.monitor.internal_force > 1.0
     assert loop.monitor.rates is None
+    # What it was before a hold is not what it is.
+    loop.supervisor.pause(True, loop._now)
+    loop.run(0.1)
+    assert np.isnan(loop.monitor.internal_force)
+    loop.supervisor.pause(False, loop._now)
+    loop.run(0.3)
+    assert loop.monitor.internal_force > 1.0

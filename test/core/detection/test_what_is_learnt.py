@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Setpoints from commands, noise from readings, channels from sensors, evidence since when."""
 
+import weakref
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from fault_tolerance.detection.excursions import Excursions
 from fault_tolerance.detection.hypotheses import HEALTHY, Hypothesis, Symptom
 from fault_tolerance.detection.noise import MARGIN, WINDOW, SensorNoise, roughness
 from fault_tolerance.detection.responses import Sensors
-from fault_tolerance.detection.setpoints import LONGEST, Setpoints
+from fault_tolerance.detection.setpoints import KEPT, Setpoints
 from fault_tolerance.detection.sighting import Channels, Sighting
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
@@ -53,13 +55,42 @@ def test_two_commands_at_one_time_are_the_later_one():
     np.testing.assert_allclose(setpoints.moved(0, 10 * MS), [0.02])
 
 
-def test_commands_are_not_kept_for_ever():
-    setpoints = Setpoints(1)
-    for stamp in range(10 * LONGEST):
-        setpoints.command(stamp * MS, np.array([1.0]))
-    last = (10 * LONGEST - 1) * MS
-    np.testing.assert_allclose(setpoints.moved(last - 20 * MS, last), [0.02])
-    assert len(setpoints._commands) == LONGEST
+@pytest.mark.parametrize('hertz', [100, 1000, 5000])
+@pytest.mark.parametrize('delay', [0, 100, 200])
+def test_no_command_is_lost_however_many_wait_for_their_effect(hertz, delay):
+    setpoints = Setpoints(1, delay * MS)
+    for stamp in range(0, 1000 * MS, 1000 * MS // hertz):
+        # Rates that rise show which of them have counted.
+        setpoints.command(stamp, np.array([1e-9 * stamp]))
+    begin, end = (900 - delay) * 1e-3, (1000 - delay) * 1e-3
+    (found,) = setpoints.moved(900 * MS, 1000 * MS)
+    assert found == pytest.approx(0.5 * (end**2 - begin**2), abs=0.1 / hertz)
+
+
+def test_a_clock_set_back_and_a_stamp_ahead_of_its_time_do_no_harm():
+    setpoints = Setpoints(1, 100 * MS)
+    for stamp in range(10_000 * MS, 11_000 * MS, MS):
+        setpoints.command(stamp, np.array([1.0]))
+    setpoints.moved(20_000 * MS, 20_000 * MS)
+    np.testing.assert_allclose(setpoints.moved(10_900 * MS, 11_000 * MS), [0.1])
+    for stamp in range(0, 1000 * MS, MS):
+        setpoints.command(stamp, np.array([3.0]))
+    np.testing.assert_allclose(setpoints.moved(0, 100 * MS), [0.0], atol=1e-15)
+    np.testing.assert_allclose(setpoints.moved(900 * MS, 1000 * MS), [0.3])
+
+
+@pytest.mark.parametrize('read', [False, True])
+def test_commands_are_not_kept_for_ever(read):
+    setpoints, kept = Setpoints(1, 200 * MS), []
+    for stamp in range(0, 5000 * MS, MS):
+        rates = np.array([1.0])
+        kept.append(weakref.ref(rates))
+        setpoints.command(stamp, rates)
+        if read:
+            setpoints.moved(stamp - MS, stamp)
+    del rates
+    assert sum(one() is not None for one in kept) <= (KEPT + 200 * MS) // MS + 1
+    np.testing.assert_allclose(setpoints.moved(4980 * MS, 5000 * MS), [0.02])
 
 
 def test_noise_is_learnt_beside_a_smooth_motion():

@@ -107,7 +107,7 @@ def test_a_wrong_name_is_noticed(bag, capsys, tmp_path):
                    '--namespace', 'left')
     assert report['unwatched'] == ['theta_3', 'theta_4']
     assert report['remarks'] == [
-        'dynamic_joint_states says nothing of theta_2: is what it calls them right?']
+        'dynamic_joint_states says nothing of theta_2: check the drive names in the rule file']
 
 
 def test_as_text_and_as_csv(bag, capsys):
