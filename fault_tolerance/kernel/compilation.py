@@ -14,9 +14,11 @@ import os
 import platform
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from dis import get_instructions
+from fcntl import LOCK_EX, flock
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
@@ -55,14 +57,8 @@ SWITCH = 'FAULT_TOLERANCE_KERNEL'
 class Kernel:
     """The entry points in one form.
 
-    Attributes
-    ----------
-    estimate, command, measures, advance : callable
-        See `fault_tolerance.kernel.estimation`, `commanding` and `evidence`.
-    compiled : bool
-        Whether they are machine code.
-    reason : str
-        Why they are not, where that was asked for.
+    See `fault_tolerance.kernel.estimation`, `commanding` and `evidence`. ``compiled`` is whether
+    they are machine code, ``reason`` why they are not, where that was asked for.
     """
 
     estimate: Callable[..., None]
@@ -103,21 +99,30 @@ def best_kernel() -> Kernel:
     if not is_wanted():
         return python_kernel(f'{SWITCH}={os.environ[SWITCH]}')
     try:
-        return compiled_kernel()
+        with _alone():
+            return compiled_kernel()
     except ImportError as error:
         return python_kernel(f'numba is missing ({error})')
     except Exception as error:  # a numba too old or too new for numpy fails in many ways
         return python_kernel(f'numba fails ({type(error).__name__}: {error})')
 
 
+@contextmanager
+def _alone() -> Iterator[None]:
+    """Wait until no other process compiles: what it has made can be loaded then."""
+    if not can_be_kept():
+        yield
+        return
+    with (cache_folder() / 'lock').open('w') as file:
+        flock(file, LOCK_EX)
+        yield
+
+
 @cache
 def compiled_kernel() -> Kernel:
     """Return the kernel as machine code: from the cache in under a second, else compiled now.
 
-    Raises
-    ------
-    ImportError
-        Where numba is missing.
+    ImportError where numba is missing.
     """
     import numba
 
@@ -143,13 +148,9 @@ def compiled_kernel() -> Kernel:
 
 
 def around(function: Callable[..., Any], kernel: Kernel) -> Callable[..., Any]:
-    """Return plain loops around ``advance``, in the form of ``kernel``; not kept on disk.
+    """Return ``function``, plain loops around ``advance``, in the form of ``kernel``.
 
-    Parameters
-    ----------
-    function : function
-        Calls ``advance`` by its name, and otherwise knows only numpy.
-    kernel : Kernel
+    It calls ``advance`` by its name, and otherwise knows only numpy. It is not kept on disk.
     """
     if not kernel.compiled:
         return function
@@ -177,10 +178,9 @@ def is_cached() -> bool:
 
 
 def cache_folder() -> Path:
-    """Return where machine code is kept: another place for whatever it depends on.
+    """Return where machine code is kept, a folder for everything that it depends on.
 
-    That is the sources with their place and time, by which numba tells them apart, Python, numba,
-    numpy, and the processor.
+    Sources with their place and time, as numba tells them apart, Python, numba, numpy, processor.
     """
     digest = sha256(f'{__file__} {sys.version} {_processor()}'.encode())
     for path in (__file__, tolerances.__file__, *(module.__file__ for module in MODULES)):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two forms of the kernel: which one is had, where machine code is kept, and no stale one."""
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -56,6 +57,12 @@ def njit(*signatures, cache=False, **options):
 """
 
 
+def compiled_folder():
+    """Return the folder of machine code, which is there."""
+    best_kernel()
+    return cache_folder()
+
+
 def run(code, **environment):
     """Run Python on ``code`` and return what it prints, on both streams."""
     path = os.pathsep.join([*environment.pop('before', ()), str(PACKAGE.parent)])
@@ -94,6 +101,18 @@ def test_the_cache_is_where_caches_are_kept(monkeypatch, tmp_path):
     monkeypatch.setenv('XDG_CACHE_HOME', os.devnull)
     assert not can_be_kept()
     assert not is_cached()
+
+
+def test_one_process_compiles_and_the_others_wait_for_what_it_makes(tmp_path):
+    (tmp_path / 'fault_tolerance').symlink_to(compiled_folder().parent)
+    with (compiled_folder() / 'lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        waiting = subprocess.Popen(
+            [sys.executable, '-m', 'fault_tolerance.kernel'], cwd=PACKAGE.parent,
+            env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)})
+        with pytest.raises(subprocess.TimeoutExpired):
+            waiting.wait(2.0)
+    assert waiting.wait(60.0) == 0
 
 
 @pytest.mark.parametrize('broken', ['missing', 'failing'])
