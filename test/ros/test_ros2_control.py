@@ -127,9 +127,13 @@ def test_it_works_with_ros2_control_as_that_behaves(machine, controller, probe):
     assert machine.rates[0] == pytest.approx(-0.05 * ARMS[0], abs=1e-4)
     stranger.publish(Float64MultiArray(data=[0.0, 0.0, 0.0]))
     probe.wait(lambda: not machine.listens, 'the message')
-    tilt(-0.05, 0.7)
+
+    def told_while_tilting() -> bool:
+        operator.ask(wx=-0.05)
+        return 'no drive follows' in told()
+
+    probe.wait(told_while_tilting, 'a word about it')
     assert probe.state == 'degraded'
-    probe.wait(lambda: 'no drive follows' in told(), 'a word about it')
     # The whole component goes, and comes back somewhere else.
     machine.deactivate()
     probe.wait_for_state('hold')
