@@ -42,6 +42,28 @@ _COMMANDS = 'velocity_controller/commands'
 _STEP = 0.05
 
 
+def require_no_other_controller(
+    operator: OperatorClient, executor: Executor, own: int = 0, discovery: float = 0.0
+) -> None:
+    """Raise `FaultToleranceError` if another controller commands in this ROS domain.
+
+    ``executor`` spins the ``operator``, for at least ``discovery`` seconds; ``own`` is how many
+    controllers are ours.
+    """
+    def others() -> int:
+        return operator.count_publishers(_COMMANDS) - own
+
+    begin = monotonic()
+    # The controller of the pass before may still be known.
+    while (passed := monotonic() - begin) < discovery or (others() > 0 and passed < _PATIENCE):
+        executor.spin_once(timeout_sec=_STEP)
+    if others() > 0:
+        raise FaultToleranceError(
+            f'{others()} more on {_COMMANDS} in this ROS domain: end that controller, or set'
+            ' another ROS_DOMAIN_ID'
+        )
+
+
 class DemoPass:
     """One pass through all phases, with the ``nodes`` running.
 
@@ -73,7 +95,7 @@ class DemoPass:
             self._wait(
                 lambda: operator.ready and operator.is_recorded, 'the nodes', _START_PATIENCE
             )
-            self._require_sole_controller()
+            require_no_other_controller(operator, self._executor, own=1)
             self._wait_for_state('nominal')
             # That every node is there does not mean that commands reach the mirror.
             self._wait(lambda: operator.error < FOLLOWING, 'the mirror', _PATIENCE, missing=True)
@@ -82,19 +104,6 @@ class DemoPass:
                 self._show_phase(phase)
                 if phase.failures and phase is not phases[-1]:
                     self._mend(phase)
-
-    def _require_sole_controller(self) -> None:
-        """Raise `FaultToleranceError` if another controller commands in this ROS domain."""
-        def others() -> int:
-            return self._operator.count_publishers(_COMMANDS) - 1
-
-        # That of the pass before may still be known.
-        self._wait(lambda: others() <= 0, 'the others', _PATIENCE, missing=True)
-        if others() > 0:
-            raise FaultToleranceError(
-                f'{others()} more on {_COMMANDS} in this ROS domain: end that controller, or set'
-                ' another ROS_DOMAIN_ID'
-            )
 
     def _show_phase(self, phase: Phase) -> None:
         operator = self._operator

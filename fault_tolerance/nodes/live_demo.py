@@ -22,7 +22,7 @@ from fault_tolerance.analysis.recorded_data import Sample, recordings_of
 from fault_tolerance.analysis.runs import UNRECOVERED, run_of
 from fault_tolerance.analysis.terminal import console_for_text
 from fault_tolerance.mechanism.catalogue import mechanism_named
-from fault_tolerance.nodes.demo_pass import DemoPass
+from fault_tolerance.nodes.demo_pass import DemoPass, require_no_other_controller
 from fault_tolerance.nodes.operator_client import OperatorClient
 from fault_tolerance.nodes.processes import NodeProcesses
 from fault_tolerance.nodes.recorder import Recorder, decoded
@@ -30,6 +30,7 @@ from fault_tolerance.nodes.spinning import spun
 from fault_tolerance.simulation.engines import ENGINES
 
 MECHANISM = 'mirror_4_strut'
+_DISCOVERY = 2.0  # seconds after which a running controller is known
 
 
 def demonstrate(folder: Path, phases: Sequence[Phase] = PHASES, engine: str = ENGINES[0]) -> int:
@@ -83,6 +84,8 @@ def _one_pass(
         'pointing_reference': {'mechanism': MECHANISM},
     }
     with spun(lambda: OperatorClient(namespace)) as (operator, executor):
+        # Before anything of ours drives what may be a machine.
+        require_no_other_controller(operator, executor, discovery=_DISCOVERY)
         recorder = Recorder(operator)
         with NodeProcesses(parameters, namespace) as nodes:
             mechanism = mechanism_named(MECHANISM)
