@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fault_tolerance.kernel.array_layout import POOR_BELOW, SINGULAR_BELOW, TaskRows
+from fault_tolerance.kernel.array_layout import TaskRows
 from fault_tolerance.kernel.law import asked_velocity, prioritised
 from fault_tolerance.kernel.packing import workspace_size
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.task import COORDINATES
+from fault_tolerance.tolerances import POOR_BELOW, SINGULAR_BELOW
 
 
 @dataclass(frozen=True, eq=False)

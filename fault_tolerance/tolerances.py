@@ -142,3 +142,6 @@ column and those before it, that are not larger are taken from the definition.
 
 They come from products of rows: the error is rounding over this number, below 1e-9.
 """
+
+SINGULAR_BELOW, POOR_BELOW = 5e-4, 0.05
+"""Transmissions not driven: of any direction, and of a secondary one relative to the best."""

@@ -16,7 +16,7 @@ from math import nan
 from typing import NamedTuple
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.tolerances import FARTHEST
+from fault_tolerance.tolerances import FARTHEST, POOR_BELOW, SINGULAR_BELOW
 
 N_SIZES = 6
 """Sizes at the head of ``counts``; the start offsets of all parts follow."""
@@ -73,10 +73,6 @@ class TaskRows(NamedTuple):
     every: IntArray
     scale: FloatArray
     measure: FloatArray
-
-
-SINGULAR_BELOW, POOR_BELOW = 5e-4, 0.05
-"""Transmissions not driven: of any direction, and of a secondary one relative to the best."""
 
 
 class Law(NamedTuple):

@@ -15,7 +15,7 @@ import platform
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from dis import get_instructions
 from fcntl import LOCK_EX, flock
@@ -110,11 +110,10 @@ def best_kernel() -> Kernel:
 @contextmanager
 def _alone() -> Iterator[None]:
     """Wait until no other process compiles: what it has made can be loaded then."""
-    if not can_be_kept():
-        yield
-        return
-    with (cache_folder() / 'lock').open('w') as file:
-        flock(file, LOCK_EX)
+    with ExitStack() as stack:
+        with suppress(OSError):  # where files cannot be locked, several may compile
+            if can_be_kept():
+                flock(stack.enter_context((cache_folder() / 'lock').open('w')), LOCK_EX)
         yield
 
 

@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fault_tolerance.errors import ArrayError
-from fault_tolerance.kernel.array_layout import POOR_BELOW, SINGULAR_BELOW
 from fault_tolerance.kinematics.differential import differential_kinematics
 from fault_tolerance.kinematics.failures import failure_set
 from fault_tolerance.kinematics.reconfiguration import reconfigured
 from fault_tolerance.kinematics.rows import home_rows
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.task_priority import resolved_rate
+from fault_tolerance.tolerances import POOR_BELOW, SINGULAR_BELOW
 
 FSM = mechanism_named('fsm_4_strut')
 ASKED = np.array([0.01, 0.02, 0.0])

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 
 import pytest
 from rclpy.node import Node
@@ -113,7 +114,8 @@ def test_another_controller_in_the_domain_ends_the_demonstration(ros, tmp_path):
             # Commands and joint states of the demonstration would reach a machine.
             driven = node.count_publishers(topic) + node.count_publishers('joint_states')
             most = max(most, driven)
-            time.sleep(0.05)
+            with suppress(subprocess.TimeoutExpired):
+                done.wait(0.05)
     finally:
         done.kill()
         node.destroy_node()

@@ -136,9 +136,12 @@ def test_the_environment_chooses_the_python_form(monkeypatch):
     assert is_wanted()
 
 
-@pytest.mark.parametrize('place', ['home', 'full', 'nowhere'])
-def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(place, tmp_path):
+@pytest.mark.parametrize('place', ['home', 'full', 'nowhere', 'without locks'])
+def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(place, tmp_path, monkeypatch):
     """And not kept elsewhere: only the folder's name tells states of the sources apart."""
+    if place == 'without locks':
+        monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+        (cache_folder() / 'lock').mkdir(parents=True)  # no file that could be locked
     (tmp_path / 'numba.py').write_text(STAND_IN.format(refuses=place == 'full'))
     home = os.devnull if place == 'nowhere' else str(tmp_path)
     told, _ = run(STEP, before=[str(tmp_path)], XDG_CACHE_HOME=home, **{SWITCH: 'compiled'})
