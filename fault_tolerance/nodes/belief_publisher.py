@@ -11,7 +11,6 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
 
 from fault_tolerance.analysis.scene import scene_of
 from fault_tolerance.control.supervisor import Supervisor
@@ -19,6 +18,7 @@ from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.configuration import Configuration, home_configuration
 from fault_tolerance.nodes.markers import MarkerPublisher, View
 from fault_tolerance.nodes.messages import pose_to_msg, transform_from_msg
+from fault_tolerance.nodes.serialised_joint_states import SerialisedJointState
 from fault_tolerance.nodes.spinning import Deferred
 
 try:
@@ -59,7 +59,7 @@ class BeliefPublisher:
             exaggeration, with_target=False,
         ) if mechanism.struts else None
 
-    def observe(self, message: JointState) -> None:
+    def observe(self, message: SerialisedJointState) -> None:
         """Have the pose that goes with a joint state, the ``message``, published after all."""
         now = monotonic()
         if now < self._due:
@@ -68,8 +68,8 @@ class BeliefPublisher:
         if drawn or self._transforms or self._poses.get_subscription_count():
             # Not from now on: of joint states that come once in a period half would be left out.
             self._due = max(self._due + PERIOD, now)
-            stamp = message.header.stamp
-            self._stamp = stamp if stamp.sec or stamp.nanosec else self._clock.now().to_msg()
+            stamped = Time(sec=message.sec, nanosec=message.nanosec)
+            self._stamp = stamped if message.sec or message.nanosec else self._clock.now().to_msg()
             self._estimate = self._supervisor.output.estimate
             self._deferred.add(self._publish)
 

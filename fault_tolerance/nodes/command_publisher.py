@@ -9,6 +9,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -37,9 +38,9 @@ class CommandPublisher:
         self._timeline = timeline
         self._frame = base_frame
         self._signs = mechanism.rates_from_readings(np.ones(len(mechanism.actuators)))
-        # The message is created once; `_rates` is its data.
-        self._message = array_to_msg(0.0 * self._signs)
-        self._rates = np.frombuffer(self._message.data)
+        self._rates = np.zeros(len(self._signs))
+        # A serialised message ends with its data; what comes before is always the same.
+        self._head = serialize_message(array_to_msg(self._rates))[: -self._rates.nbytes]
         self._commands = node.create_publisher(
             Float64MultiArray, 'velocity_controller/commands', 10
         )
@@ -58,7 +59,7 @@ class CommandPublisher:
         np.multiply(self._signs, rates, out=self._rates)
         # Turn the -0.0 of a resting drive into 0.0.
         self._rates += 0.0
-        self._commands.publish(self._message)
+        self._commands.publish(self._head + self._rates.tobytes())
         if self._achieved.get_subscription_count():
             stamp = self._timeline.stamp()
             self._achieved.publish(twist_to_msg(stamp, self._frame, achieved))
@@ -66,5 +67,5 @@ class CommandPublisher:
     def stop(self) -> None:
         """Publish zeros, and wait until they are acknowledged."""
         self._rates[:] = 0.0
-        self._commands.publish(self._message)
+        self._commands.publish(self._head + self._rates.tobytes())
         self._commands.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIMEOUT))

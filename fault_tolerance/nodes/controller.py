@@ -17,7 +17,6 @@ from functools import partial
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from sensor_msgs.msg import JointState
 
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
@@ -30,6 +29,7 @@ from fault_tolerance.nodes.live_settings import LiveSettings
 from fault_tolerance.nodes.parameter_tables import CONTROLLER
 from fault_tolerance.nodes.report_subscriber import Batch, ReportSubscriber
 from fault_tolerance.nodes.scheduling import set_realtime_priority
+from fault_tolerance.nodes.serialised_joint_states import SerialisedJointState
 from fault_tolerance.nodes.services import OperatorServices
 from fault_tolerance.nodes.silent_failures import SilentFailures
 from fault_tolerance.nodes.spinning import Deferred, run
@@ -104,7 +104,7 @@ class Controller(Node):
             self._health.warn(notice)
         self._status.update(output, now)
 
-    def _on_answered(self, message: JointState) -> None:
+    def _on_answered(self, message: SerialisedJointState) -> None:
         self._belief.observe(message)
         self._silent.observe(message)
 

@@ -17,8 +17,15 @@ from sensor_msgs.msg import JointState
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.supervisor import Supervisor
+from fault_tolerance.nodes.cdr import AFTER_STAMP, DOUBLE, ENCAPSULATION, STAMP, STAMPED
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import twist_from_msg
+from fault_tolerance.nodes.serialised_joint_states import (
+    NO_LAYOUT,
+    SerialisedJointState,
+    layout_of,
+    normalised,
+)
 from fault_tolerance.nodes.spinning import Deferred
 from fault_tolerance.nodes.timeline import TimeLine
 
@@ -51,7 +58,7 @@ class InputSubscriber:
         timeline: TimeLine,
         health: Health,
         cycle: Callable[[float], None],
-        listen: Callable[[JointState], None],
+        listen: Callable[[SerialisedJointState], None],
         deferred: Deferred,
     ) -> None:
         task = supervisor.mechanism.task
@@ -69,24 +76,39 @@ class InputSubscriber:
         # Keep the newest joint state while another one is processed; older ones are obsolete.
         self._joint_states = self._subscription(2)
         self._in_parts = False
+        self._layout = NO_LAYOUT
         self._velocities = node.create_subscription(
             TwistStamped, '~/task_velocity', self.on_task_velocity, 10
         )
 
-    def on_joint_state(self, message: JointState) -> None:
-        """Take a joint state, the ``message``, and have a command follow it.
+    def on_joint_state(self, raw: bytes) -> None:
+        """Take a serialised joint state, ``raw``, and have a command follow it.
 
         Positions are in rad or m; joints that have failed may be absent or NaN.
         """
         now = self._timeline.now()
+        try:
+            layout = self._layout
+            strings = int.from_bytes(raw[AFTER_STAMP : layout.end], 'little')
+            if strings & layout.mask != layout.strings or not raw.startswith(ENCAPSULATION):
+                raw = normalised(raw)
+                layout = self._layout = layout_of(raw)
+            positions = np.frombuffer(raw, DOUBLE, layout.count, layout.positions_at)
+            message = SerialisedJointState(
+                *STAMP.unpack_from(raw, STAMPED), positions, raw, layout
+            )
+        except Exception as error:  # the middleware's own, for bytes that are no such message
+            text = f'a joint state that cannot be decoded: {error}'
+            self._health.warn(Notice('undecodable', text))
+            return
         failed = self._supervisor.output.failures.parts
-        values, notice = self._joints.readings(message.name, message.position, failed, now)
+        values, notice = self._joints.readings(layout.names, positions, failed, now)
         self._joints.timeout = self._supervisor.settings.joint_state_timeout
         if self._joints.in_parts and not self._in_parts:
             self._in_parts = True
             self._deferred.add(self._keep_all_parts)
         if values is not None:
-            stamp = self._timeline.monotonic(message.header.stamp)
+            stamp = self._timeline.monotonic(message)
             notice = self._supervisor.joint_reading(values, now, stamp)
             if notice is None:
                 self._cycle(now)
@@ -98,7 +120,7 @@ class InputSubscriber:
     def _subscription(self, depth: int) -> Subscription:
         qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         return self._node.create_subscription(
-            JointState, 'joint_states', self.on_joint_state, qos
+            JointState, 'joint_states', self.on_joint_state, qos, raw=True
         )
 
     def _keep_all_parts(self) -> None:

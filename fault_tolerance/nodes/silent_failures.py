@@ -43,6 +43,7 @@ from fault_tolerance.nodes.messages import (
     status_to_msg,
 )
 from fault_tolerance.nodes.parameters import settings_from
+from fault_tolerance.nodes.serialised_joint_states import SerialisedJointState
 from fault_tolerance.nodes.timeline import TimeLine
 
 PERIOD = 1.0
@@ -132,7 +133,7 @@ class SilentFailures:
             message.velocity = self._mechanism.rates_from_readings(rates).tolist()
             self._commands.publish(message)
 
-    def observe(self, message: JointState) -> None:
+    def observe(self, message: SerialisedJointState) -> None:
         """Take a joint state, the ``message``, after the command that answers it."""
         if not self._listening:
             return
@@ -140,9 +141,9 @@ class SilentFailures:
         self.monitor.detector.advance = self._supervisor.kernel.advance
         estimate, monitor = output.estimate, self.monitor
         sighting = Sighting(
-            nanoseconds_from_msg(message.header.stamp) or self._clock.now().nanoseconds,
+            nanoseconds_from_msg(message) or self._clock.now().nanoseconds,
             estimate.readings,
-            self._joints.efforts(message.name, message.effort), self._pose,
+            self._joints.efforts(message.layout.names, message.efforts), self._pose,
         )
         self._pose, self._failures = None, output.failures
         before = monitor.detector.suspicions

@@ -6,18 +6,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from node_rig import Plant, rms
 from rclpy.qos import qos_profile_sensor_data
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from fault_tolerance.control.supervisor import Supervisor
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes import belief_publisher
+from fault_tolerance.nodes.serialised_joint_states import NO_LAYOUT, SerialisedJointState
 from fault_tolerance.nodes.spinning import Deferred
 
 NAMES = ['theta_1', 'theta_2', 'theta_3', 'theta_4']
@@ -84,7 +82,7 @@ def test_every_joint_state_at_the_least_period_has_its_own_pose(probe, monkeypat
         tilt = 1e-5 * (number % 3 - 1)
         supervisor.joint_reading(np.array([tilt, 0.0, -tilt, 0.0]), time[0])
         supervisor.step(time[0])
-        return JointState(header=Header(stamp=Time(sec=number)))
+        return SerialisedJointState(number, 0, np.zeros(4), b'', NO_LAYOUT)
 
     for number in range(1, 41):
         # 250 Hz, and now and then a little early.

@@ -55,11 +55,11 @@ def node(ros, told):
     node.destroy_node()
 
 
-def joint_state(node: Controller) -> JointState:
+def joint_state(node: Controller) -> bytes:
     names = [f'theta_{number}' for number in range(1, 5)]
     message = JointState(name=names, position=[0.0] * 4)
     message.header.stamp = node.get_clock().now().to_msg()
-    return message
+    return serialize_message(message)
 
 
 def report(node: Controller) -> bytes:

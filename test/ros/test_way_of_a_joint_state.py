@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from geometry_msgs.msg import TwistStamped
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 import fault_tolerance
@@ -43,7 +44,7 @@ def controller(ros):
 def joint_state(node):
     message = JointState(name=list(MECHANISM.joint_state_names), position=[0.0] * 4)
     message.header.stamp = node.get_clock().now().to_msg()
-    return message
+    return serialize_message(message)
 
 
 def way(function, message):
