@@ -5,6 +5,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 
 class FaultToleranceError(Exception):
     """Root of every error this package raises on purpose."""
@@ -56,3 +60,16 @@ class FailureError(FaultToleranceError, ValueError):
 
 class EngineError(FaultToleranceError, RuntimeError):
     """A simulation engine is missing or has gone wrong."""
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Name the file where one at ``path``, or in that folder, cannot be written.
+
+    Yields None. FaultToleranceError instead of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        name, reason = error.filename or path, error.strerror or error
+        raise FaultToleranceError(f'{name}: cannot be written ({reason})') from None

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fault_tolerance import commands
-from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.errors import FaultToleranceError, writing
 from fault_tolerance.kinematics.reconfiguration import after
 from fault_tolerance.machines.assembly import (
     assembled_legs,
@@ -265,7 +265,5 @@ def _way_back(mechanism: Mechanism, units: Units) -> list[str]:
 
 
 def _write(path: Path, text: str) -> None:
-    try:
+    with writing(path):
         path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise FaultToleranceError(f'{path}: cannot be written ({error.strerror})') from None

@@ -18,7 +18,7 @@ from fault_tolerance.analysis.study_results import study_rows, study_summary, st
 from fault_tolerance.analysis.terminal import console_for_text, progress_bar
 from fault_tolerance.campaign.detection_trials import FailureRun, HealthyRun, Run, result_of
 from fault_tolerance.campaign.stored_results import results_of
-from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.errors import writing
 from fault_tolerance.executors import executor_of
 from fault_tolerance.kernel.compilation import announced_kernel
 
@@ -105,7 +105,7 @@ def run_study(
     announced_kernel()
     runs = study_runs(cycles, trials, seed)
     console = console_for_text(markup=False, emoji=False, highlight=False)
-    try:
+    with writing(folder):
         with progress_bar('runs') as watch, executor_of(workers) as executor:
             found = results_of(runs, result_of, folder / 'parts', executor, watch)
         summary = study_summary(found, seed)
@@ -114,8 +114,6 @@ def run_study(
         text = json.dumps(summary, indent=2, allow_nan=False) + '\n'
         (folder / 'summary.json').write_text(text, encoding='utf-8')
         _draw(summary, folder)
-    except OSError as error:
-        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
     console.print(study_table(summary))
     return 1 if summary['healthy']['alarms'] else 0
 

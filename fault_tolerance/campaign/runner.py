@@ -31,7 +31,7 @@ from fault_tolerance.campaign.cases import MECHANISMS, double_failures, single_f
 from fault_tolerance.campaign.stored_results import results_of
 from fault_tolerance.campaign.trial import Bench, TrialSettings
 from fault_tolerance.closed_loop import ClosedLoop
-from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.errors import FaultToleranceError, writing
 from fault_tolerance.executors import Watch, executor_of
 from fault_tolerance.kinematics.common_causes import group_failures
 from fault_tolerance.kinematics.failures import failure_set
@@ -130,7 +130,7 @@ def run_campaign(
     settings = settings or TrialSettings(clock=time.thread_time)
     console = console_for_text(markup=False, emoji=False, highlight=False)
     todo = tasks(tuple(dict.fromkeys(mechanisms)), settings, doubles=doubles, groups=groups)
-    try:
+    with writing(folder):
         with progress_bar('trials') as watch, executor_of(workers) as executor:
             found = records(todo, folder / 'parts', executor, watch)
         summary = campaign_summary(found, settings.seed)
@@ -139,8 +139,6 @@ def run_campaign(
                 csv.writer(file, lineterminator='\n').writerows(campaign_rows(found, columns))
         text = json.dumps(summary, indent=2, allow_nan=False) + '\n'
         (folder / 'summary.json').write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
     console.print(campaign_table(summary))
     mistakes = summary['mistakes']
     for one in mistakes[:SHOWN_MISTAKES]:

@@ -43,6 +43,8 @@ class JointStateReader:
         self._fresh = np.zeros(count, bool)
         self.in_parts = False
         """Whether there has been a message with only some of the joints."""
+        self.strangers: tuple[str, ...] = ()
+        """The joints of the last message that had none of this mechanism."""
 
     def readings(
         self, names: Sequence[str], positions: Sequence[float],
@@ -60,6 +62,8 @@ class JointStateReader:
         (values, notice), part = _read(self._mechanism, names, positions, failed)
         if part is not None:
             return self._merged(part, notice, failed, now)
+        if values is None and notice is None:
+            self.strangers = tuple(names)
         wanted = self._mechanism.joint_state_names
         if values is not None and set(wanted) <= set(names):
             self._names = list(names)

@@ -110,7 +110,7 @@ class ReadingFilter(TimedInput):
         """
         given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
         if now - given > self.timeout:
-            return self._too_old('stale', f'{now - given:.3f} s old on arrival')
+            return self._stale(now - given)
         if given < self._stamp:
             return self._too_old('old', f'{self._stamp - given:.3f} s older than the last')
         gap = now - self._received_at

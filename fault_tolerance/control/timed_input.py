@@ -13,6 +13,9 @@ from fault_tolerance.control.notices import Notice
 from fault_tolerance.errors import ArrayError
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 
+CLOCKS_APART = 5.0
+"""Seconds by which no message is late on its way: clocks disagree then."""
+
 
 class TimedInput:
     """Keeps the newest usable value of the input ``name``.
@@ -46,7 +49,7 @@ class TimedInput:
         """
         given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
         if now - given > self.timeout:
-            return self._too_old('stale', f'{now - given:.3f} s old on arrival')
+            return self._stale(now - given)
         self.value, self._stamp, self.deadline = value, given, now + self.timeout
         return None
 
@@ -55,6 +58,12 @@ class TimedInput:
         self._stamp = -inf
         if self.value is not None:
             self.deadline = -inf
+
+    def _stale(self, age: float) -> Notice:
+        words = f'{age:.3f} s old on arrival, more than {self.timeout:g} s'
+        if age > CLOCKS_APART:
+            words += ' (do both clocks agree? use_sim_time?)'
+        return self._too_old('stale', words)
 
     def _too_old(self, reason: str, words: str) -> Notice:
         key = self._name.replace(' ', '_')

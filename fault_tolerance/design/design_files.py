@@ -16,7 +16,7 @@ from rich.console import RenderableType
 from fault_tolerance.analysis.terminal import number, plain_table
 from fault_tolerance.design.map_files import provenance
 from fault_tolerance.design.optimum import Design, states
-from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.errors import FaultToleranceError, writing
 
 
 def design_report(design: Design, between: Sequence[tuple[float, ...]] = ()) -> dict[str, Any]:
@@ -66,7 +66,7 @@ def write_design(design: Design, report: Mapping[str, Any], folder: Path) -> lis
     document = design.specification.documented(design.values)
     text = f'# Made by `design` ({report["design"]}) from {report["file"]}: {_words(report)}\n'
     text += yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=99)
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / 'mechanism.yaml', folder / 'design.json']
         written[0].write_text(text, encoding='utf-8')
@@ -78,8 +78,6 @@ def write_design(design: Design, report: Mapping[str, Any], folder: Path) -> lis
         except ImportError:
             return written
         return [*written, *write_figures(design, report, folder)]
-    except OSError as error:
-        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
 
 
 def design_rows(report: Mapping[str, Any]) -> list[tuple[str, ...]]:

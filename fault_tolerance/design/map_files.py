@@ -18,7 +18,7 @@ from rich.table import Table
 
 from fault_tolerance.analysis.reports import failure_entries
 from fault_tolerance.design.maps import ToleranceMap
-from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.errors import writing
 from fault_tolerance.resources import PACKAGE
 
 QUANTITIES = (
@@ -84,7 +84,7 @@ def write_map(found: ToleranceMap, report: Mapping[str, Any], folder: Path) -> l
 
     ``report`` is that of ``found``. FaultToleranceError if they cannot be written.
     """
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / 'map.npz', folder / 'map.json']
         np.savez_compressed(written[0], **map_arrays(found))
@@ -101,8 +101,6 @@ def write_map(found: ToleranceMap, report: Mapping[str, Any], folder: Path) -> l
         figure.savefig(folder / 'map.png', dpi=RESOLUTION)
         page = map_page(found, report, figure_as_svg(figure))
         (folder / 'map.html').write_text(page, encoding='utf-8')
-    except OSError as error:
-        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
     return [*written, folder / 'map.png', folder / 'map.html']
 
 

@@ -25,7 +25,7 @@ from fault_tolerance.design.routes import (
     nearest,
     straight_profile,
 )
-from fault_tolerance.errors import FaultToleranceError
+from fault_tolerance.errors import writing
 from fault_tolerance.mechanism.screws import rotation_vector_rates
 from fault_tolerance.mechanism.task import COORDINATES
 
@@ -92,7 +92,7 @@ def write_route(route: Route, report: Mapping[str, Any], folder: Path) -> list[P
     Returns their paths. ``report`` is that of the route. FaultToleranceError if they cannot be
     written.
     """
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / 'route.csv', folder / 'route.json']
         with written[0].open('w', newline='', encoding='utf-8') as file:
@@ -105,8 +105,6 @@ def write_route(route: Route, report: Mapping[str, Any], folder: Path) -> list[P
         except ImportError:
             return written
         route_figure(route).savefig(folder / 'route.png', dpi=RESOLUTION)
-    except OSError as error:
-        raise FaultToleranceError(f'{folder}: cannot be written ({error})') from None
     return [*written, folder / 'route.png']
 
 

@@ -12,12 +12,16 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
+from fault_tolerance.control.notices import Notice
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.messages import array_to_msg, twist_to_msg
 from fault_tolerance.nodes.timeline import TimeLine
 
 _ACKNOWLEDGEMENT_TIMEOUT = 0.5
+RIVAL_PATIENCE = 30.0
+"""Seconds after which another publisher of commands is no controller that was killed: the
+middleware forgets such a one within 20 s."""
 
 
 class CommandPublisher:
@@ -35,7 +39,8 @@ class CommandPublisher:
     def __init__(
         self, node: Node, mechanism: Mechanism, base_frame: str, timeline: TimeLine
     ) -> None:
-        self._timeline = timeline
+        self._node, self._timeline = node, timeline
+        self._alone_at = timeline.now()
         self._frame = base_frame
         self._signs = mechanism.rates_from_readings(np.ones(len(mechanism.actuators)))
         self._rates = np.zeros(len(self._signs))
@@ -63,6 +68,17 @@ class CommandPublisher:
         if self._achieved.get_subscription_count():
             stamp = self._timeline.stamp()
             self._achieved.publish(twist_to_msg(stamp, self._frame, achieved))
+
+    def rivals(self) -> Notice | None:
+        """Return a notice where other nodes publish commands to the same drives, and go on so."""
+        topic, now = self._commands.topic_name, self._timeline.now()
+        count = self._node.count_publishers(topic)
+        if count < 2:
+            self._alone_at = now
+        if now - self._alone_at < RIVAL_PATIENCE:
+            return None
+        text = f'{count} nodes publish {topic}: the drives follow whichever was the last'
+        return Notice('several_controllers', text, rejected=False)
 
     def stop(self) -> None:
         """Publish zeros, and wait until they are acknowledged."""

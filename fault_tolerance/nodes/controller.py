@@ -4,8 +4,7 @@
 """The node ``fault_tolerance``: joint states, task velocity and failure reports in, rates out.
 
 Every joint state, and every failure report that changes anything, is answered by a command within
-the callback that received it. No timer is in that path. The `Supervisor` computes; state, log and
-metrics are published after the command (`fault_tolerance.nodes.spinning.Deferred`).
+the callback that received it. The `Supervisor` computes; the rest comes after it (`Deferred`).
 """
 
 from __future__ import annotations
@@ -154,6 +153,7 @@ class Controller(Node):
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""
         self._inputs.check_publishers()
+        self._health.warn(self._commands.rivals())
         return self._status.present()
 
     def on_shutdown(self) -> None:

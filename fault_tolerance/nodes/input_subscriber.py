@@ -150,8 +150,12 @@ class InputSubscriber:
         self._health.warn(self._supervisor.task_velocity(twist[self._rows], now, stamp))
 
     def missing_joint_states(self) -> str:
-        """Return the text that no joint state has arrived, with topic and publisher count."""
+        """Return the text that no joint state has arrived, and on which topic."""
         topic = self._joint_states.topic_name
+        if self._joints.strangers:
+            ours = ', '.join(self._supervisor.mechanism.joint_state_names)
+            theirs = clean(', '.join(self._joints.strangers))
+            return f'joint states on {topic} are of {theirs}, not of {ours}'
         count = self._node.count_publishers(topic)
         return f'no joint state yet on {topic} ({count} publishers; any reliability will do)'
 

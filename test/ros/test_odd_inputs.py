@@ -119,6 +119,11 @@ def test_while_it_waits_it_says_what_for(start, ros):
     assert hint in told()[-1].message
     # In the log with the next status.
     probe.wait(lambda: hint in process.output, 'the hint')
+    wheels = JointState(name=['left_wheel', 'right_wheel'], position=[0.0, 1.0])
+    publisher = probe.node.create_publisher(JointState, '/patient/joint_states', 10)
+    expected = '/patient/joint_states are of left_wheel, right_wheel, not of theta_1, theta_2'
+    probe.wait(lambda: publisher.publish(wheels) or expected in told()[-1].message, expected)
+    probe.node.destroy_publisher(publisher)
     probe.close()
 
 

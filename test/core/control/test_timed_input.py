@@ -43,6 +43,13 @@ def test_a_value_that_is_old_on_arrival_does_not_refresh(entry):
     np.testing.assert_array_equal(entry.value, np.zeros(4))
 
 
+@pytest.mark.parametrize(('age', 'asked'), [(0.15, False), (4.0, False), (3600.0, True)])
+def test_an_age_that_no_way_takes_is_asked_about(entry, age, asked):
+    notice = entry.offer(np.zeros(4), 5000.0, 5000.0 - age)
+    assert 'more than 0.1 s' in notice.text
+    assert ('use_sim_time' in notice.text) is asked
+
+
 def test_a_value_older_than_the_last_is_refused_where_order_matters(entry):
     entry.offer(np.zeros(4), 1.0, 1.0)
     notice = entry.offer(np.ones(4), 1.01, 0.99)
