@@ -161,6 +161,17 @@ class Supervisor:
                 self._machine.release()
         return update
 
+    def rehearse(self, reports: Sequence[Report], now: float) -> None:
+        """Do with failure ``reports`` what `reports` and a step would do, and forget the outcome.
+
+        A failure is rare. Without a rehearsal shortly before, its command waits until the code it
+        needs has come into the processor's caches. ``now`` is in seconds.
+        """
+        ledger, values = FailureLedger(self.mechanism, self.settings), self._readings.value
+        ledger.apply(reports, now)
+        if values is not None and self.kernel.compiled:
+            estimate(self._model, self._estimate, values, ledger.failures)
+
     def clear(self, now: float, seen: Sequence[str] = ()) -> ClearOutcome:
         """Release what is not reported any more ``now``, lift a stop; return what came of it.
 

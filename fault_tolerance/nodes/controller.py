@@ -95,8 +95,7 @@ class Controller(Node):
         # Yield: the subscriber may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
-        answered = output.estimate.readings if answers else None
-        self._silent.command(output.command.rates, answered)
+        self._silent.command(output.command.rates, output.estimate.readings if answers else None)
         if self._supervisor.kernel.compiled:  # else it takes 80 ms, and the next command waits
             self._supervisor.secondary.consider(output, now)
         for notice in self._supervisor.watch(self._silent.monitor.internal_force):
@@ -149,6 +148,7 @@ class Controller(Node):
         # Last: whatever goes wrong in an answer, drives whose inputs cease have been stopped.
         self._silent.look()
         self._operator.look()
+        self._supervisor.rehearse(self._reports.rehearsal().reports, now)
 
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""

@@ -9,17 +9,19 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
 
 from fault_tolerance.control.failure_reports import Report, part_names, report_of, target_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.detection.suspicion import DETECTION
+from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.diagnostics_queue import DiagnosticsQueue
 from fault_tolerance.nodes.health import Health
-from fault_tolerance.nodes.messages import modes_from_msg
+from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, modes_from_msg
 from fault_tolerance.nodes.serialised_diagnostics import StampedModes, modes_in
 from fault_tolerance.nodes.timeline import TimeLine
 
@@ -54,10 +56,12 @@ class ReportSubscriber:
         self._health = health
         self._apply = apply
         self._queue = DiagnosticsQueue(self._names)
-        # Warm up: the first message loads the type support.
-        first = serialize_message(DiagnosticArray(status=[DiagnosticStatus()]))
-        modes_in(first)
-        _decoded(first)
+        said = KeyValue(key=FAILURE_MODE_KEY, value=FailureMode.POSITION.value)
+        status = DiagnosticStatus(level=b'\x02', name='rehearsal', values=[said])
+        status.hardware_id = mechanism.actuator_names[0]
+        stamped = Header(stamp=timeline.stamp())
+        self._sample = serialize_message(DiagnosticArray(header=stamped, status=[status]))
+        _decoded(self._sample)  # the first message loads the type support
         node.create_subscription(DiagnosticArray, topic, self.on_diagnostics, 100, raw=True)
 
     def on_diagnostics(self, raw: bytes) -> None:
@@ -72,6 +76,13 @@ class ReportSubscriber:
     def forget_repeats(self) -> None:
         """Read the next message even if it repeats an earlier one."""
         self._queue.forget_repeats()
+
+    def rehearsal(self) -> Batch:
+        """Return what is read from a made-up report: see `Supervisor.rehearse`."""
+        queue, now = DiagnosticsQueue(self._names), self._timeline.now()
+        queue.put(self._sample, now)
+        raw = queue.pop(now) or self._sample
+        return self._batch(modes_in(raw) or _decoded(raw))
 
     def read(self) -> None:
         """Read queued messages while the time budget lasts."""
