@@ -71,5 +71,6 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        name, reason = error.filename or path, error.strerror or error
+        name = error.filename2 or error.filename or path
+        reason = error.strerror or str(error) or type(error).__name__
         raise FaultToleranceError(f'{name}: cannot be written ({reason})') from None

@@ -82,9 +82,8 @@ CHORD_FIT = 3e-5
 depends on where the factorisations were made."""
 
 JUMP = 0.3
-"""Characteristic lengths and radians (metres and radians, of joints) that are no motion of one
-control cycle: readings so far from the last ones say nothing of the assembly mode.
-"""
+"""A pose or joint as far from the last one (characteristic lengths and radians; metres and radians
+of joints) has not moved there in one control cycle: the assembly mode is not known from it."""
 
 CHORD_REACH = 0.1
 """Characteristic lengths for which the factorisations of one configuration serve."""
@@ -96,7 +95,7 @@ HALF_TURN = -0.9
 """Traces of a rotation below which its axis comes from the symmetric part: sines vanish there."""
 
 WELL_CONDITIONED = 1e-4
-"""Spread of a mechanism's drive pivots above which rates follow from twists alone."""
+"""Twists alone determine all rates where the smallest drive pivot is more of the largest."""
 
 LARGEST_SPEED = 1e100
 """Task velocities with a larger component are brought down to it, all by one factor."""

@@ -21,6 +21,7 @@ from fault_tolerance.kinematics.rows import strut_rows
 from fault_tolerance.kinematics.verdict import intolerance
 from fault_tolerance.mechanism.arrays import BoolArray, FloatArray, IntArray
 from fault_tolerance.mechanism.configuration import Configuration, placed_configuration
+from fault_tolerance.tolerances import MISFIT_BAND
 
 if TYPE_CHECKING:
     from fault_tolerance.control.control_model import ControlModel
@@ -168,7 +169,7 @@ def estimate(
     hold_reason = rejected.text if rejected is not None else ''
     closed = determined and numbers[at.CLOSED] and not numbers[at.CONTRADICTORY]
     if not (hold_reason or closed):
-        hold_reason = _hold_reason(model, numbers, determined)
+        hold_reason = _hold_reason(model, before, numbers, determined)
     # Where nothing is known of the place, nothing is judged.
     located = bool(numbers[at.LOCATED])
     tolerated = bool(not located or numbers[at.TOLERATED])
@@ -177,7 +178,9 @@ def estimate(
     )
 
 
-def _hold_reason(model: ControlModel, numbers: FloatArray, determined: bool) -> str:
+def _hold_reason(
+    model: ControlModel, before: Estimate, numbers: FloatArray, determined: bool
+) -> str:
     """Return why readings that are usable must not be acted on."""
     if not determined:
         return ('pose not determined: failed drives are without a reading, and the others do not '
@@ -185,6 +188,7 @@ def _hold_reason(model: ControlModel, numbers: FloatArray, determined: bool) -> 
     if not numbers[at.CLOSED]:
         return 'the loops do not close at these joint values'
     limit = model.settings.misfit_limit * model.mechanism.characteristic_length
+    limit *= MISFIT_BAND if before.numbers[at.CONTRADICTORY] else 1.0
     return (f'joint readings contradict each other by {numbers[at.MISFIT]:.2g} m'
             f' (limit {limit:.2g} m)')
 

@@ -20,8 +20,8 @@ LARGEST_EFFORT = 1e12
 """N or N m; squares of what drivers leave in a field that they do not fill would overflow."""
 
 Reading = tuple[FloatArray | None, Notice | None]
-"""Joint values (N,) in the mechanism's order, NaN where there is no reading; and why there are no
-values: None if the message has no joint of this mechanism, or is one part of several."""
+"""Joint values (N,) in the mechanism's order, NaN where there is no reading, and None. Or None and
+why the message is refused. Or None twice: no joint is of this mechanism, or others are missing."""
 
 
 class JointStateReader:
@@ -43,8 +43,9 @@ class JointStateReader:
         self._fresh = np.zeros(count, bool)
         self.in_parts = False
         """Whether there has been a message with only some of the joints."""
+        self._met = False  # any joint of this mechanism
         self.strangers: tuple[str, ...] = ()
-        """The joints of the last message that had none of this mechanism."""
+        """The joints of the last message, where none so far had one of this mechanism."""
 
     def readings(
         self, names: Sequence[str], positions: Sequence[float],
@@ -59,19 +60,32 @@ class JointStateReader:
         if names == self._names and len(positions) == len(names):
             encoders = np.array(positions, dtype=np.float64).take(self._places)
             return self._signs * (encoders - self._homes), None
-        (values, notice), part = _read(self._mechanism, names, positions, failed)
-        if part is not None:
-            return self._merged(part, notice, failed, now)
-        if values is None and notice is None:
-            self.strangers = tuple(names)
+        refused = _malformed(self._mechanism, names, positions)
+        if refused is not None:
+            return None, refused
+        by_name = dict(zip(names, positions, strict=True))
         wanted = self._mechanism.joint_state_names
-        if values is not None and set(wanted) <= set(names):
+        if not any(name in by_name for name in wanted):
+            self.strangers = () if self._met else tuple(names)
+            return None, None
+        self._met, self.strangers = True, ()
+        encoders = np.array([by_name.get(name, np.nan) for name in wanted], dtype=np.float64)
+        values = self._mechanism.values_from_readings(encoders)
+        absent = [one for one in self._mechanism.actuators if one.joint_state_name not in by_name]
+        notice = unusable(self._mechanism, values, [*failed, *(one.name for one in absent)])
+        if notice is not None:
+            return None, notice
+        missing = [one.joint_state_name for one in absent if not _may_lack(one, failed)]
+        if missing:
+            text = f'joint state lacks {", ".join(missing)}'
+            return self._merged(values, Notice('missing_joint', text), failed, now)
+        if not absent:
             self._names = list(names)
             self._places = np.array([self._names.index(name) for name in wanted], dtype=np.intp)
-        return values, notice
+        return values, None
 
     def _merged(
-        self, part: FloatArray, missing: Notice | None, failed: Collection[str], now: float
+        self, part: FloatArray, missing: Notice, failed: Collection[str], now: float
     ) -> Reading:
         """Return the joint values that are complete with one more ``part`` (N,) of them."""
         self.in_parts, given = True, ~np.isnan(part)
@@ -100,33 +114,20 @@ class JointStateReader:
         return values if (np.abs(values) <= LARGEST_EFFORT).all() else None
 
 
-def _read(
-    mechanism: Mechanism, names: Sequence[str], positions: Sequence[float],
-    failed: Collection[str],
-) -> tuple[Reading, FloatArray | None]:
-    """Return the reading of one message, and what there is (N,) where some joints are missing."""
+def _malformed(
+    mechanism: Mechanism, names: Sequence[str], positions: Sequence[float]
+) -> Notice | None:
+    """Return why a message says nothing that could be understood, if so."""
     if not len(names):
-        return (None, Notice('empty_joint_state', '')), None
+        return Notice('empty_joint_state', '')
     if len(names) != len(positions):
         text = f'joint state has {len(names)} names but {len(positions)} positions'
-        return (None, Notice('length', text)), None
-    by_name = dict(zip(names, positions, strict=True))
-    if len(by_name) != len(names):
+        return Notice('length', text)
+    if len(set(names)) < len(names):
         doubled = [name for name in mechanism.joint_state_names if list(names).count(name) > 1]
         if doubled:
-            text = f'joint state names {", ".join(doubled)} twice'
-            return (None, Notice('doubled_joint', text)), None
-    if not any(name in by_name for name in mechanism.joint_state_names):
-        return (None, None), None
-    encoders = [by_name.get(name, np.nan) for name in mechanism.joint_state_names]
-    values = mechanism.values_from_readings(np.array(encoders, dtype=np.float64))
-    absent = [one for one in mechanism.actuators if one.joint_state_name not in by_name]
-    missing = [one.joint_state_name for one in absent if not _may_lack(one, failed)]
-    notice = unusable(mechanism, values, [*failed, *(one.name for one in absent)])
-    if missing and notice is None:
-        text = f'joint state lacks {", ".join(missing)}'
-        return (None, Notice('missing_joint', text)), values
-    return (None if notice else values, notice), None
+            return Notice('doubled_joint', f'joint state names {", ".join(doubled)} twice')
+    return None
 
 
 def unusable(mechanism: Mechanism, values: FloatArray, failed: Collection[str]) -> Notice | None:

@@ -44,8 +44,8 @@ class Settings:
     slow_below, hold_below : float
         Near a singularity everything slows down, and then holds: the margin, relative to home,
         at which it does. Of two margins the smaller one counts: the transmission of the worst
-        major direction (see `ResolvedRate`), and platform speed per drive speed (infinite where
-        the platform moves with all drives locked).
+        major direction, and platform speed per drive speed (infinite where the platform moves
+        with all drives locked); see `fault_tolerance.kernel.commanding`.
     max_acceleration : float
         m/s^2, turning drives at the characteristic length: of the norm of all rates together,
         and in transitions only, from one way of moving to another at a failure, a clearing or a

@@ -26,10 +26,10 @@ from fault_tolerance.control.metrics import Metrics, metrics_of
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.parking import Parking
 from fault_tolerance.control.rate_command import initial_command, rate_command, zero_command
-from fault_tolerance.control.reading_filter import ReadingFilter
+from fault_tolerance.control.reading_gate import ReadingGate
 from fault_tolerance.control.secondary_motion import SecondaryMotion
 from fault_tolerance.control.settings import Settings
-from fault_tolerance.control.state_machine import MOVING, Reason, State, StateMachine
+from fault_tolerance.control.state_machine import Reason, State, StateMachine
 from fault_tolerance.control.step_output import Output
 from fault_tolerance.control.timed_input import TaskVelocity
 from fault_tolerance.control.unwrapping import closing_turns
@@ -59,7 +59,7 @@ class Supervisor:
     ) -> None:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
-        self._readings = ReadingFilter(mechanism, given.joint_state_timeout, self._find_turns)
+        self._readings = ReadingGate(mechanism, given.joint_state_timeout, self._find_turns)
         self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
         self._ledger = FailureLedger(mechanism, given)
         self.still_reported = self._ledger.still_reported
@@ -162,15 +162,17 @@ class Supervisor:
         return update
 
     def rehearse(self, reports: Sequence[Report], now: float) -> None:
-        """Do with failure ``reports`` what `reports` and a step would do, and forget the outcome.
+        """Take made-up failure ``reports``, estimate what they leave, and forget the outcome.
 
         A failure is rare. Without a rehearsal shortly before, its command waits until the code it
-        needs has come into the processor's caches. ``now`` is in seconds.
+        needs has come into the processor's caches. With failures in force the steps themselves use
+        that code. ``now`` is in seconds.
         """
         ledger, values = FailureLedger(self.mechanism, self.settings), self._readings.value
         ledger.apply(reports, now)
-        if values is not None and self.kernel.compiled:
-            estimate(self._model, self._estimate, values, ledger.failures)
+        if values is None or self.failures or not self.kernel.compiled or np.isnan(values).any():
+            return
+        estimate(self._model, self._estimate, values, ledger.failures)
 
     def clear(self, now: float, seen: Sequence[str] = ()) -> ClearOutcome:
         """Release what is not reported any more ``now``, lift a stop; return what came of it.
@@ -223,17 +225,18 @@ class Supervisor:
         if requested is None or now > self._velocity.deadline:
             requested, no_request = self._velocity.zeros, self._velocity.missing_reason
         try:
-            # Also without a new reading: keeps the CPU cache warm for the step after a failure.
+            # Also while no reading is new: the CPU cache stays warm for the step after a failure.
             if readings.value is not None and (self._outdated or not stale):
                 if self._estimated != self._accepted:
                     self._estimate_before = present  # of the last reading: repeated steps agree
                 present = estimate(self._model, self._estimate_before, readings.value, failures)
                 self._estimate, self._estimated, self._outdated = present, self._accepted, False
+            unfit = '' if present.tolerated else present
             degraded = present if failures.parts else ''
-            stop = self._ledger.stop_reason or ('' if present.tolerated else degraded)
+            stop = self._ledger.stop_reason or (unfit if degraded else '')
             hold: Reason = ', '.join(sorted(self._pauses)) or readings.rejection_reason
             hold = hold or (readings.missing_reason if stale else present.hold_reason)
-            hold = hold or ('' if present.tolerated or degraded else present)
+            hold = hold or ('' if degraded else unfit)
             if present.located and not (stop or hold or self._machine.stop):
                 velocity = requested
                 if self.secondary.active and not no_request:
@@ -249,14 +252,13 @@ class Supervisor:
                 parking.reset()
             self._errors = 0
         except Exception as error:  # whatever it is, the mechanism must come to rest
-            self._errors += 1
-            text = _text_of(error)
+            self._errors, text = self._errors + 1, _text_of(error)
             stop = text if self._errors >= MOST_ERRORS else self._ledger.stop_reason
             decision, command = self._machine.decide(stop, text, '', ''), None
             parking.end()
-        moving = decision.state in (*MOVING, State.STOPPED)
+        moving = command is not None and decision.state not in (State.WAITING, State.HOLD)
         if command is None or not moving:
-            command, moving = zero_command(command or last, failures, now), False
+            command = zero_command(command or last, failures, now)
         elif self._probe and self._probe[1] is failures and self._accepted <= self._probe[2]:
             command = command.with_probe(self._probe[0])
         self._command, readings.moving = command, moving

@@ -18,7 +18,7 @@ CLOCKS_APART = 5.0
 
 
 class TimedInput:
-    """Keeps the newest usable value of the input ``name``.
+    """What inputs with a timeout have in common: the newest usable value of the input ``name``.
 
     It is stale ``timeout`` seconds after it came.
     """
@@ -27,7 +27,6 @@ class TimedInput:
         self._name = name
         self._missing_text = f'no {name}'
         self.timeout = timeout
-        self._stamp = -inf
         self.value: FloatArray | None = None
         """The newest usable value; None before there was any."""
         self.deadline = inf
@@ -42,24 +41,13 @@ class TimedInput:
             return f'waiting for a {self._name} after the clock was set back'
         return f'{self._missing_text} for {self.timeout:g} s'
 
-    def offer(self, value: FloatArray, now: float, stamp: float | None) -> Notice | None:
-        """Accept ``value``, received at ``now`` (s), or return why it is rejected.
-
-        ``stamp`` (s) is when it was measured or requested; None and what is ahead count as now.
-        """
-        given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
-        if now - given > self.timeout:
-            return self._stale(now - given)
-        self.value, self._stamp, self.deadline = value, given, now + self.timeout
-        return None
-
     def restart_clock(self) -> None:
         """Let the value be stale until the next one: the clock was set back."""
-        self._stamp = -inf
         if self.value is not None:
             self.deadline = -inf
 
     def _stale(self, age: float) -> Notice:
+        """Return why a value of that ``age`` (s) is rejected."""
         words = f'{age:.3f} s old on arrival, more than {self.timeout:g} s'
         if age > CLOCKS_APART:
             words += ' (do both clocks agree? use_sim_time?)'
@@ -81,7 +69,8 @@ class TaskVelocity(TimedInput):
     def offer(self, value: FloatArray, now: float, stamp: float | None) -> Notice | None:
         """Accept a velocity ``value`` (l,), or return why it is rejected.
 
-        ``now`` and ``stamp`` are seconds, as in `TimedInput.offer`.
+        It was received at ``now`` (s), and requested at ``stamp`` (s); None and what is ahead
+        count as now.
         """
         try:
             taken = frozen_array(value, self.zeros.shape, 'task velocity', finite=False)
@@ -89,4 +78,8 @@ class TaskVelocity(TimedInput):
             return Notice('length', str(error))
         if not np.isfinite(taken).all():
             return Notice('not_finite', 'task velocity holds a number that is not finite')
-        return super().offer(taken, now, stamp)
+        given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
+        if now - given > self.timeout:
+            return self._stale(now - given)
+        self.value, self.deadline = taken, now + self.timeout
+        return None

@@ -4,8 +4,8 @@
 """Layout of the flat arrays (model, estimate, command) and their named views.
 
 A compiled function takes a few flat arrays in a microsecond and a structure of forty arrays in
-thirty. So each of model, estimate and command is one array of numbers; `model_of`, `estimate_of`
-and `command_of` give its parts names, in compiled code and in Python alike.
+thirty. So estimate and command are one array of numbers each, a model two. `model_of`,
+`estimate_of` and `command_of` give their parts names, in compiled code and in Python alike.
 
 Part i of an array with start offsets p is ``[p[i] : p[i + 1]]``. A part that is added needs its
 size in `fault_tolerance.kernel.packing` (in `estimate_sizes` for an estimate), at the same place
@@ -21,7 +21,7 @@ from fault_tolerance.tolerances import FARTHEST, POOR_BELOW, SINGULAR_BELOW
 N_SIZES = 6
 """Sizes at the head of ``counts``; the start offsets of all parts follow."""
 
-N_COUNT_PARTS, N_NUMBER_PARTS, N_ESTIMATE_PARTS = 8, 10, 15
+N_COUNT_OFFSETS, N_NUMBER_OFFSETS, N_ESTIMATE_OFFSETS = 8, 10, 15
 """Start offsets of the parts of ``counts``, of ``numbers`` and of an estimate, and their ends."""
 
 
@@ -140,8 +140,8 @@ def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     ``numbers`` with the characteristic length and `Law`.
     """
     s, k, n, major, given = counts[0], counts[1], counts[2], counts[4], counts[5]
-    number_parts = N_SIZES + N_COUNT_PARTS
-    estimate_parts = number_parts + N_NUMBER_PARTS
+    number_parts = N_SIZES + N_COUNT_OFFSETS
+    estimate_parts = number_parts + N_NUMBER_OFFSETS
     c, p, v = counts[N_SIZES:number_parts], counts[number_parts:estimate_parts], numbers
     chains = Chains(
         counts[c[0] : c[1]], counts[c[1] : c[2]], counts[c[2] : c[3]].reshape((s, k)),
@@ -157,7 +157,7 @@ def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     )
     actuators = Actuators(v[p[2] : p[3]], v[p[5] : p[6]], v[p[6] : p[7]], v[p[7] : p[8]])
     motions = v[p[8] : p[9]].reshape((given, 6 + n))
-    offsets = counts[estimate_parts : estimate_parts + N_ESTIMATE_PARTS]
+    offsets = counts[estimate_parts : estimate_parts + N_ESTIMATE_OFFSETS]
     return Model(chains, actuators, task, law, motions, offsets, work)
 
 

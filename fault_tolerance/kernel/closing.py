@@ -14,17 +14,7 @@ from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
-from fault_tolerance.kernel.jacobi_svd import (
-    axpby,
-    copied,
-    decomposed,
-    dot,
-    norm,
-    pseudo_solve,
-    rank_of,
-    weighted_sum,
-)
-from fault_tolerance.kernel.motions import (
+from fault_tolerance.kernel.jacobians import (
     Structure,
     constraint_null_space,
     constraint_rank,
@@ -35,6 +25,16 @@ from fault_tolerance.kernel.motions import (
     structure_of,
 )
 from fault_tolerance.kernel.scratch import matrix, vector
+from fault_tolerance.kernel.small_matrices import (
+    axpby,
+    copy_to,
+    decomposed,
+    dot,
+    norm,
+    pseudo_solve,
+    rank_of,
+    weighted_sum,
+)
 from fault_tolerance.kernel.strut_poses import displace, place_struts
 from fault_tolerance.kernel.strut_qr import factorise, joint_rates
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -61,7 +61,7 @@ class Closing(NamedTuple):
     strain: float
 
 
-def closed(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) -> Closing:
+def close_loops(m: Model, e: EstimateArrays, failed: FloatArray, target: FloatArray) -> Closing:
     """Move ``e`` to where the loops of the attached struts close and the readings fit best.
 
     ``target`` (N,) are joint values read, NaN where there is none; those of lost struts are not
@@ -109,7 +109,7 @@ def _closure_residual(
     mark, strut_of_row, left = m.work[0], structure.strut_of_row, structure.svd.left
     g = len(strut_of_row)
     error = _constraint_error(structure, e.closure_error, vector(m.work, g))
-    strain = copied(error, vector(m.work, g))
+    strain = copy_to(error, vector(m.work, g))
     for k in range(rank):
         axpby(1.0, strain, -dot(left[k], error), left[k], strain)
     rigid_error = matrix(m.work, len(e.closure_error), 6)
@@ -150,7 +150,7 @@ def _chord_steps(
     ``rank`` constraints of the ``structure`` count. 0 steps: a number was not finite.
     """
     (s, k), n, work = m.chains.actuator.shape, len(target), m.work
-    size, joints, strut, joint = m.chains.length, m.chains.joints, m.chains.strut, m.chains.joint
+    length, joints, strut, joint = m.chains.length, m.chains.joints, m.chains.strut, m.chains.joint
     scale, closure_error, values, rows = m.actuators.scale, e.closure_error, e.values, e.rows
     motions = matrix(work, freedom_of(m, e, failed, rank), 6 + n)
     constraint_null_space(m, e, failed, structure, rank, motions)
@@ -194,12 +194,12 @@ def _chord_steps(
                     whole += abs(follow[i, j])
                 elif not isfinite(follow[i, j]):
                     follow[i, j] = 0.0  # a lost strut may stay behind
-        length = max(norm(twist), sqrt(square))
-        if not isfinite(length + whole):
+        step = max(norm(twist), sqrt(square))
+        if not isfinite(step + whole):
             return 0, False
         shortened = 1.0
-        if length > LONGEST_STEP * size:
-            shortened = LONGEST_STEP * size / length
+        if step > LONGEST_STEP * length:
+            shortened = LONGEST_STEP * length / step
         axpby(shortened, twist, 0.0, twist, twist)
         displace(m, e.pose, twist)
         for i in range(s):
@@ -207,12 +207,12 @@ def _chord_steps(
                 values[i, j] += shortened * follow[i, j]
         place_struts(m, e, screws)
         steps += 1
-        travelled += length
-        arrived = length * travelled <= (CHORD_STEP * size) ** 2
-        if arrived and travelled > CHORD_STEP * size:
+        travelled += step
+        arrived = step * travelled <= (CHORD_STEP * length) ** 2
+        if arrived and travelled > CHORD_STEP * length:
             off = largest_misfit(m, e, failed, target)
-            arrived = off * travelled <= (CHORD_FIT * size) ** 2
-        if arrived or travelled > CHORD_REACH * size:
+            arrived = off * travelled <= (CHORD_FIT * length) ** 2
+        if arrived or travelled > CHORD_REACH * length:
             break
     factorise(m, e, screws)
     return steps, arrived

@@ -17,7 +17,7 @@ from fault_tolerance.kernel.array_layout import (
     estimate_of,
     model_of,
 )
-from fault_tolerance.kernel.jacobi_svd import axpby, copied, norm, weighted_sum
+from fault_tolerance.kernel.jacobians import norm_of_columns
 from fault_tolerance.kernel.law import (
     actuator_rates,
     asked_velocity,
@@ -25,8 +25,8 @@ from fault_tolerance.kernel.law import (
     prioritised,
     rate_bounds,
 )
-from fault_tolerance.kernel.motions import norm_of_columns
 from fault_tolerance.kernel.scratch import set_zero, vector
+from fault_tolerance.kernel.small_matrices import axpby, copy_to, norm, weighted_sum
 from fault_tolerance.kernel.transition import ease
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import OBSTACLE_BAND
@@ -53,8 +53,8 @@ def command(
     """
     work[0] = 1.0
     m = model_of(counts, numbers, work)
-    last = command_of(copied(before, vector(work, len(before))))
-    e = estimate_of(m, copied(estimated, vector(work, len(estimated))))
+    last = command_of(copy_to(before, vector(work, len(before))))
+    e = estimate_of(m, copy_to(estimated, vector(work, len(estimated))))
     n, motions, scale = len(readings), e.motions, m.actuators.scale
     target = credible(readings, vector(work, n))
     asked = asked_velocity(m.task, velocity, vector(work, len(velocity)))

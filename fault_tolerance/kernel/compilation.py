@@ -34,18 +34,18 @@ from fault_tolerance.kernel import (
     estimation,
     evidence,
     failure_measures,
-    jacobi_svd,
+    jacobians,
     law,
-    motions,
     scratch,
+    small_matrices,
     strut_poses,
     strut_qr,
     transition,
 )
 
 MODULES: tuple[ModuleType, ...] = (
-    scratch, jacobi_svd, array_layout, strut_poses, strut_qr, motions, closing, failure_measures,
-    law, transition, estimation, commanding, evidence,
+    scratch, small_matrices, array_layout, strut_poses, strut_qr, jacobians, closing,
+    failure_measures, law, transition, estimation, commanding, evidence,
 )
 """Every module of the kernel that is compiled."""
 

@@ -16,15 +16,15 @@ from fault_tolerance.kernel.array_layout import (
     estimate_of,
     model_of,
 )
-from fault_tolerance.kernel.closing import Closing, closed, largest_misfit
+from fault_tolerance.kernel.closing import Closing, close_loops, largest_misfit
 from fault_tolerance.kernel.failure_measures import (
-    judged,
+    judge,
     next_measures,
     present_measures,
     staged_kinematics,
 )
-from fault_tolerance.kernel.jacobi_svd import copied
 from fault_tolerance.kernel.scratch import set_identity, set_zero, vector
+from fault_tolerance.kernel.small_matrices import copy_to
 from fault_tolerance.kernel.strut_poses import place_struts
 from fault_tolerance.kernel.strut_qr import factorise
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
@@ -34,7 +34,7 @@ from fault_tolerance.tolerances import JUMP, MISFIT_BAND
 def estimate(
     counts: IntArray,
     numbers: FloatArray,
-    failures: FloatArray,
+    failed: FloatArray,
     before: FloatArray,
     readings: FloatArray,
     out: FloatArray,
@@ -42,16 +42,16 @@ def estimate(
 ) -> None:
     """Write where the mechanism is and what its failures leave of it (`EstimateArrays`).
 
-    ``counts`` and ``numbers`` are the model (`model_of`), ``failures`` what has failed,
+    ``counts`` and ``numbers`` are the model (`model_of`), ``failed`` (s + 2 N,) its failures,
     ``readings`` (N,) joint values from home, NaN where there is none. ``before`` is the last
     estimate: warm start, and what hysteresis remembers.
     """
     work[0] = 1.0
     m = model_of(counts, numbers, work)
-    failed = copied(failures, vector(work, len(failures)))
+    failed = copy_to(failed, vector(work, len(failed)))
     target = credible(readings, vector(work, len(readings)))
-    start = copied(before, vector(work, len(before)))
-    last, e = estimate_of(m, start), estimate_of(m, copied(start, out))
+    start = copy_to(before, vector(work, len(before)))
+    last, e = estimate_of(m, start), estimate_of(m, copy_to(start, out))
     closing = _located(m, start, failed, target, out)
     facts, strut, joint = e.facts, m.chains.strut, m.chains.joint
     facts[at.CLOSED] = 1.0 if closing.converged else 0.0
@@ -65,12 +65,12 @@ def estimate(
     for j in range(len(strut)):
         facts[at.UNREAD] += 0.0 if isfinite(target[j]) else 1.0
         e.actuator_values[j] = e.values[strut[j], joint[j]] if strut[j] >= 0 else 0.0
-    present = judged(m, e, last, failed)
-    copied(failed, e.failed)
-    copied(present.driving, e.driving)
-    motions = estimate_of(m, out).motions
+    present = judge(m, e, last, failed)
+    copy_to(failed, e.failed)
+    copy_to(present.driving, e.driving)
+    motions = estimate_of(m, out).motions  # anew: their number has just been written
     for k in range(len(motions)):
-        copied(present.motions[k], motions[k])
+        copy_to(present.motions[k], motions[k])
 
 
 def measures(
@@ -87,7 +87,7 @@ def measures(
     """
     work[0] = 1.0
     m = model_of(counts, numbers, work)
-    e = estimate_of(m, copied(estimated, vector(work, len(estimated))))
+    e = estimate_of(m, copy_to(estimated, vector(work, len(estimated))))
     failed, compliance = e.failed, e.facts[at.COMPLIANCE]
     stages = staged_kinematics(m, e, failed, compliance)
     out[0], out[1], out[2], _ = present_measures(m, failed, stages)
@@ -106,27 +106,27 @@ def _located(
     if len(m.chains.joints) == 0:
         return Closing(True, 0.0)
     known = last.facts[at.LOCATED] != 0.0
-    numbers = copied(start, vector(m.work, len(out)))
+    numbers = copy_to(start, vector(m.work, len(out)))
     there = estimate_of(m, numbers)
     closing, misfit, far = Closing(False, 0.0), inf, False
     for attempt in range(0 if known else 1, 2):
-        copied(start, numbers)
+        copy_to(start, numbers)
         if attempt == 1:
             _bring_home(m, there)
         if not known:
-            copied(numbers, start)
-        other = closed(m, there, failed, target)
+            copy_to(numbers, start)  # jumps count from home
+        other = close_loops(m, there, failed, target)
         off = largest_misfit(m, there, failed, target)
         if not closing.converged or (other.converged and (off < misfit or off <= limit)):
             closing, misfit = other, off
-            copied(numbers, out)
+            copy_to(numbers, out)
             far = _jumps(last, e, failed, m.chains.length)
         if closing.converged and not (misfit > limit or far):
             return closing
     if not closing.converged or (misfit > limit and far):
-        copied(start, out)
-        # Where the loops did close, the readings contradict each other; the strain is that of the
-        # last pose.
+        copy_to(start, out)
+        # If the loops closed, but elsewhere and with a bad fit, this still says converged: by the
+        # misfit at the last pose the readings are then contradictory.
         return Closing(closing.converged, last.facts[at.STRAIN])
     return closing
 

@@ -11,16 +11,7 @@ from typing import NamedTuple
 
 from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model, TaskRows
-from fault_tolerance.kernel.jacobi_svd import (
-    copied,
-    count_above,
-    decomposed,
-    dot,
-    largest_of,
-    product,
-    rank_of,
-)
-from fault_tolerance.kernel.motions import (
+from fault_tolerance.kernel.jacobians import (
     Kinematics,
     Structure,
     any_of,
@@ -30,6 +21,15 @@ from fault_tolerance.kernel.motions import (
     structure_of,
 )
 from fault_tolerance.kernel.scratch import matrix, set_zero, vector
+from fault_tolerance.kernel.small_matrices import (
+    copy_to,
+    count_above,
+    decomposed,
+    dot,
+    largest_of,
+    product,
+    rank_of,
+)
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import COMPLIANCE_BAND, RANK_TOLERANCE
 
@@ -153,15 +153,15 @@ def staged_kinematics(
     nominal = kinematics_of(m, e, whole, flags, compliance)
     locked = nominal
     if any_of(failed[s : s + n]):
-        copied(failed[s : s + n], flags[s:])
+        copy_to(failed[s : s + n], flags[s:])
         locked = kinematics_of(m, e, whole, flags, compliance)
     freed = locked
     if any_of(failed[s + n :]):
-        copied(failed[s + n :], flags[s + n :])
+        copy_to(failed[s + n :], flags[s + n :])
         freed = kinematics_of(m, e, whole, flags, compliance)
     present = freed
     if any_of(failed[:s]):
-        copied(failed[:s], flags)
+        copy_to(failed[:s], flags)
         left = structure_of(m, e, flags)
         weakest_left = _weakest(left, compliance)
         present = kinematics_of(m, e, left, flags, compliance)
@@ -234,7 +234,7 @@ def next_measures(
     for lost in range(s):
         out[2 * n + lost] = nan
         if failed[lost] == 0.0:
-            copied(failed, further)
+            copy_to(failed, further)
             further[lost] = 1.0
             for j in range(n):
                 if m.chains.strut[j] == lost:
@@ -245,7 +245,7 @@ def next_measures(
             work[0] = mark
 
 
-def judged(m: Model, e: EstimateArrays, last: EstimateArrays, failed: FloatArray) -> Kinematics:
+def judge(m: Model, e: EstimateArrays, last: EstimateArrays, failed: FloatArray) -> Kinematics:
     """Write mobility, measures and verdict to ``e``, and return J and T with the failures.
 
     A constraint that was absorbed in the ``last`` estimate stays so until it exceeds the

@@ -25,7 +25,8 @@ from typing import NamedTuple
 
 from fault_tolerance.kernel.array_layout import Actuators, TaskRows
 from fault_tolerance.kernel.failure_measures import columns_of
-from fault_tolerance.kernel.jacobi_svd import (
+from fault_tolerance.kernel.scratch import matrix, set_zero, vector
+from fault_tolerance.kernel.small_matrices import (
     Decomposition,
     axpby,
     count_above,
@@ -36,7 +37,6 @@ from fault_tolerance.kernel.jacobi_svd import (
     pseudo_solve,
     weighted_sum,
 )
-from fault_tolerance.kernel.scratch import matrix, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, RANK_TOLERANCE
 

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from fault_tolerance.kernel.array_layout import (
-    N_COUNT_PARTS,
-    N_ESTIMATE_PARTS,
-    N_NUMBER_PARTS,
+    N_COUNT_OFFSETS,
+    N_ESTIMATE_OFFSETS,
+    N_NUMBER_OFFSETS,
     N_SCALARS,
     N_SIZES,
     Law,
@@ -102,7 +102,7 @@ def packed_model(mechanism: Mechanism, law: Law) -> PackedModel:
     scaled = parts(mechanism.rate_scale, measure_scale)
     s, k = actuator.shape
     sizes = [s, k, n, len(task.rows), len(task.major_rows), len(rates)]
-    first = N_SIZES + N_COUNT_PARTS + N_NUMBER_PARTS + N_ESTIMATE_PARTS
+    first = N_SIZES + N_COUNT_OFFSETS + N_NUMBER_OFFSETS + N_ESTIMATE_OFFSETS
     offsets = np.concatenate([
         sizes, _offsets(first, [np.size(one) for one in counted]),
         _offsets(N_SCALARS, [np.size(one) for one in scaled]),

@@ -16,8 +16,8 @@ from math import sqrt
 
 from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
-from fault_tolerance.kernel.jacobi_svd import axpby, copied, dot
 from fault_tolerance.kernel.scratch import set_identity, set_zero, vector
+from fault_tolerance.kernel.small_matrices import axpby, copy_to, dot
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, WELL_CONDITIONED
 
@@ -182,7 +182,7 @@ def _solve_for_actuators(m: Model, e: EstimateArrays) -> None:
         for row in range(end - 1, begin - 1, -1):
             col = passive + row - begin
             j, pivot = actuator[int(order[col])], r[col, row]
-            own = copied(e.q[s, row], rows[j])
+            own = copy_to(e.q[s, row], rows[j])
             size = abs(pivot) / scale[j]
             least, most = min(least, size), max(most, size)
             for later in range(col + 1, joints):

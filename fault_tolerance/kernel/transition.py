@@ -7,9 +7,16 @@ from math import sqrt
 
 from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import CommandArrays, Model
-from fault_tolerance.kernel.jacobi_svd import axpby, copied, dot, norm, pseudo_solve, weighted_sum
 from fault_tolerance.kernel.law import Priority, limited
 from fault_tolerance.kernel.scratch import set_zero, vector
+from fault_tolerance.kernel.small_matrices import (
+    axpby,
+    copy_to,
+    dot,
+    norm,
+    pseudo_solve,
+    weighted_sum,
+)
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.tolerances import NEGLIGIBLE_RATE, SAME_COMMAND
 
@@ -67,7 +74,7 @@ def ease(
         if _exceeds(smaller[0], jump[0], nothing) or _exceeds(smaller[1], jump[1], nothing):
             easing_done = True
         else:
-            copied(reached, reduced)
+            copy_to(reached, reduced)
             jump = smaller
             for j in range(len(saturated)):
                 result.saturated[j] = max(result.saturated[j], saturated[j])

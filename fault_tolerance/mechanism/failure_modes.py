@@ -3,7 +3,7 @@
 
 """The failure modes of a strut or an actuator, and the words for them.
 
-What a mode does to J and T is in kinematics/differential.py, and for control in kernel/motions.py.
+What a mode does to J and T is in kinematics/differential.py, for control in kernel/jacobians.py.
 """
 
 from __future__ import annotations

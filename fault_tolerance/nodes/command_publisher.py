@@ -12,9 +12,9 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64MultiArray
 
-from fault_tolerance.control.notices import Notice
 from fault_tolerance.mechanism.arrays import FloatArray
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import array_to_msg, twist_to_msg
 from fault_tolerance.nodes.timeline import TimeLine
 
@@ -69,16 +69,15 @@ class CommandPublisher:
             stamp = self._timeline.stamp()
             self._achieved.publish(twist_to_msg(stamp, self._frame, achieved))
 
-    def rivals(self) -> Notice | None:
-        """Return a notice where other nodes publish commands to the same drives, and go on so."""
+    def check_publishers(self, health: Health) -> None:
+        """Warn once, by ``health``, if another node could command the same drives, and remains."""
         topic, now = self._commands.topic_name, self._timeline.now()
         count = self._node.count_publishers(topic)
         if count < 2:
             self._alone_at = now
-        if now - self._alone_at < RIVAL_PATIENCE:
-            return None
-        text = f'{count} nodes publish {topic}: the drives follow whichever was the last'
-        return Notice('several_controllers', text, rejected=False)
+        if now - self._alone_at > RIVAL_PATIENCE:
+            text = f'{count} publishers on {topic}: the drives follow whichever is the last'
+            health.warn_once('several_controllers', text)
 
     def stop(self) -> None:
         """Publish zeros, and wait until they are acknowledged."""

@@ -92,7 +92,7 @@ class Controller(Node):
         """Compute and publish one command; say whether it ``answers`` a joint state."""
         output = self._supervisor.step(now)
         self._commands.publish(output.command.rates, output.command.twist)
-        # Yield: the subscriber may be queued on this CPU.
+        # Yield: whoever takes the command may be queued on this CPU.
         os.sched_yield()
         self._stepped = True
         self._silent.command(output.command.rates, output.estimate.readings if answers else None)
@@ -111,7 +111,7 @@ class Controller(Node):
         update = self._supervisor.reports(batch.reports, now)
         if update.changed:
             self._cycle(now)
-            self._status.report_stamp = batch.stamp_text
+            self._status.report_stamp = f'{batch.stamp.sec}.{batch.stamp.nanosec:09d}'
             self._health.count('reconfigurations')
         for notice in update.notices:
             self._health.warn(notice)
@@ -153,7 +153,7 @@ class Controller(Node):
     def _own_status(self) -> tuple[int, str]:
         """Return level and text of the node's own diagnostic status."""
         self._inputs.check_publishers()
-        self._health.warn(self._commands.rivals())
+        self._commands.check_publishers(self._health)
         return self._status.present()
 
     def on_shutdown(self) -> None:

@@ -39,8 +39,7 @@ A message that took long, perhaps on a busy machine, must not block a failure te
 MAX_COMMAND_DEBT = 0.1 * BURST
 """Seconds by which the commands that failures bring may exceed it.
 
-The next failure may be of another drive: it waits for them ten times as long, until the next tick
-of the watchdog, and no longer.
+The next failure may be of another drive: it waits for one tick of the watchdog at most.
 """
 
 RESERVE = 0.25 * BURST
@@ -99,10 +98,7 @@ class DiagnosticsQueue:
         if len(self._seen) >= _CAPACITY:
             self._seen.clear()
         self._seen[digest] = now
-        if not (self._failures or self._others) and self._renewed_credit(now) > RESERVE:
-            # Nothing is ahead of it: its content need not be known.
-            self._failures.append(message)
-        elif _FAILURE.search(message):
+        if _FAILURE.search(message):
             # Keep the order: a report of health from before a failure must not follow it.
             self.dropped += len(self._others)
             self._others.clear()

@@ -23,8 +23,7 @@ from fault_tolerance.nodes.messages import twist_from_msg
 from fault_tolerance.nodes.serialised_joint_states import (
     NO_LAYOUT,
     SerialisedJointState,
-    layout_of,
-    normalised,
+    decodable,
 )
 from fault_tolerance.nodes.spinning import Deferred
 from fault_tolerance.nodes.timeline import TimeLine
@@ -45,7 +44,7 @@ class InputSubscriber:
     cycle : callable
         Called with the present (seconds) when a joint state was accepted.
     listen : callable
-        Called with that joint state after it.
+        Called with the message, after ``cycle``.
     deferred : Deferred
         Gets work that must not delay a command.
     """
@@ -89,10 +88,10 @@ class InputSubscriber:
         now = self._timeline.now()
         try:
             layout = self._layout
-            strings = int.from_bytes(raw[AFTER_STAMP : layout.end], 'little')
-            if strings & layout.mask != layout.strings or not raw.startswith(ENCAPSULATION):
-                raw = normalised(raw)
-                layout = self._layout = layout_of(raw)
+            # What differs in padding only is decoded anew, that is all.
+            if not (raw.startswith(ENCAPSULATION) and raw.startswith(layout.strings, AFTER_STAMP)):
+                raw, layout = decodable(raw)
+                self._layout = layout
             positions = np.frombuffer(raw, DOUBLE, layout.count, layout.positions_at)
             message = SerialisedJointState(
                 *STAMP.unpack_from(raw, STAMPED), positions, raw, layout
@@ -102,8 +101,8 @@ class InputSubscriber:
             self._health.warn(Notice('undecodable', text))
             return
         failed = self._supervisor.output.failures.parts
-        values, notice = self._joints.readings(layout.names, positions, failed, now)
         self._joints.timeout = self._supervisor.settings.joint_state_timeout
+        values, notice = self._joints.readings(layout.names, positions, failed, now)
         if self._joints.in_parts and not self._in_parts:
             self._in_parts = True
             self._deferred.add(self._keep_all_parts)
@@ -152,11 +151,11 @@ class InputSubscriber:
     def missing_joint_states(self) -> str:
         """Return the text that no joint state has arrived, and on which topic."""
         topic = self._joint_states.topic_name
-        if self._joints.strangers:
+        count = self._node.count_publishers(topic)
+        if self._joints.strangers and count:
             ours = ', '.join(self._supervisor.mechanism.joint_state_names)
             theirs = clean(', '.join(self._joints.strangers))
             return f'joint states on {topic} are of {theirs}, not of {ours}'
-        count = self._node.count_publishers(topic)
         return f'no joint state yet on {topic} ({count} publishers; any reliability will do)'
 
     def check_publishers(self) -> None:

@@ -9,19 +9,29 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
-from std_msgs.msg import Header
 
-from fault_tolerance.control.failure_reports import Report, part_names, report_of, target_of
+from fault_tolerance.control.failure_reports import (
+    ERROR,
+    Report,
+    part_names,
+    report_of,
+    target_of,
+)
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.detection.suspicion import DETECTION
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.nodes.diagnostics_queue import DiagnosticsQueue
 from fault_tolerance.nodes.health import Health
-from fault_tolerance.nodes.messages import FAILURE_MODE_KEY, modes_from_msg
+from fault_tolerance.nodes.messages import (
+    FAILURE_MODE_KEY,
+    diagnostics_to_msg,
+    modes_from_msg,
+    status_to_msg,
+)
 from fault_tolerance.nodes.serialised_diagnostics import StampedModes, modes_in
 from fault_tolerance.nodes.timeline import TimeLine
 
@@ -32,18 +42,13 @@ class Batch(NamedTuple):
     reports: list[Report]
     stamp: Time | StampedModes
 
-    @property
-    def stamp_text(self) -> str:
-        """Seconds."""
-        return f'{self.stamp.sec}.{self.stamp.nanosec:09d}'
-
 
 class ReportSubscriber:
     """Reads the failure reports on one mechanism from everybody's diagnostics.
 
     Reports count whose hardware id begins with ``prefix``; empty: any. ``health`` counts and logs
     messages that could not be read. ``apply`` is called with every `Batch`; its time counts
-    towards the share that reading may take, but leaves nearly no debt.
+    towards the share that reading may take, see `MAX_COMMAND_DEBT`.
     """
 
     def __init__(
@@ -56,11 +61,9 @@ class ReportSubscriber:
         self._health = health
         self._apply = apply
         self._queue = DiagnosticsQueue(self._names)
-        said = KeyValue(key=FAILURE_MODE_KEY, value=FailureMode.POSITION.value)
-        status = DiagnosticStatus(level=b'\x02', name='rehearsal', values=[said])
-        status.hardware_id = mechanism.actuator_names[0]
-        stamped = Header(stamp=timeline.stamp())
-        self._sample = serialize_message(DiagnosticArray(header=stamped, status=[status]))
+        values = {FAILURE_MODE_KEY: FailureMode.POSITION.value}
+        status = status_to_msg('rehearsal', mechanism.actuator_names[0], ERROR, '', values)
+        self._sample = serialize_message(diagnostics_to_msg(timeline.stamp(), [status]))
         _decoded(self._sample)  # the first message loads the type support
         node.create_subscription(DiagnosticArray, topic, self.on_diagnostics, 100, raw=True)
 
@@ -81,36 +84,36 @@ class ReportSubscriber:
         """Return what is read from a made-up report: see `Supervisor.rehearse`."""
         queue, now = DiagnosticsQueue(self._names), self._timeline.now()
         queue.put(self._sample, now)
-        raw = queue.pop(now) or self._sample
-        return self._batch(modes_in(raw) or _decoded(raw))
+        return self._batch(queue.pop(now) or self._sample)
 
     def read(self) -> None:
         """Read queued messages while the time budget lasts."""
         begin = self._timeline.now()
         while (raw := self._queue.pop(begin)) is not None:
-            reports: list[Report] = []
             try:
-                found = modes_in(raw) or _decoded(raw)
+                batch = self._batch(raw)
             except Exception as error:  # the middleware's own, for bytes that are no such message
                 text = f'diagnostics that cannot be decoded: {error}'
                 self._health.warn(Notice('undecodable', text))
-            else:
-                batch = self._batch(found)
-                reports = batch.reports
+                batch = None
             read = self._timeline.now()
-            if reports:
+            if batch and batch.reports:
                 self._apply(batch)
             end = self._timeline.now()
             self._queue.charge(read - begin, end - read)
             begin = end
 
-    def _batch(self, message: StampedModes) -> Batch:
+    def _batch(self, raw: bytes) -> Batch:
+        message = modes_in(raw) or _decoded(raw)
         seconds, reports = self._timeline.monotonic(message), []
-        for said in message.modes:
-            if said[3] is None:
-                self._warn_of_no_mode(*said[:2])
-            elif said[0] != DETECTION:  # what the controller has found itself it knows already
-                report = report_of(*said, seconds, prefix=self._prefix, names=self._names)
+        for name, hardware_id, level, mode in message.modes:
+            if mode is None:
+                self._warn_of_no_mode(name, hardware_id)
+            elif name != DETECTION:  # what the controller has found itself it knows already
+                report = report_of(
+                    name, hardware_id, level, mode, seconds, prefix=self._prefix,
+                    names=self._names,
+                )
                 if report is not None:
                     reports.append(report)
         return Batch(reports, message if seconds is not None else self._timeline.stamp())

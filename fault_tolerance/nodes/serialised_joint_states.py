@@ -9,7 +9,7 @@ decoded once, and after that only compared (`JointStateLayout`).
 
 from __future__ import annotations
 
-from itertools import pairwise
+from contextlib import suppress
 from struct import error
 from typing import NamedTuple
 
@@ -28,18 +28,19 @@ from fault_tolerance.nodes.cdr import (
     string,
 )
 
+MOST_NAMES = 10_000
+"""What takes longer to read than a cycle is no joint state of a machine."""
+
 
 class JointStateLayout(NamedTuple):
     """What the messages of one publisher have in common.
 
-    The bytes between stamp and ``end``, as a number, are ``strings`` where ``mask`` has ones: all
-    but the padding, which may be anything. They hold the ``names`` of the joints. There are
-    ``count`` positions from ``positions_at`` to ``velocities_at``.
+    ``strings`` are the bytes from the stamp to the positions, which begin with their number; they
+    hold the ``names`` of the joints. There are ``count`` positions from ``positions_at`` to
+    ``velocities_at``.
     """
 
-    end: int
-    mask: int
-    strings: int
+    strings: bytes
     names: list[str]
     count: int
     positions_at: int
@@ -69,45 +70,39 @@ class SerialisedJointState(NamedTuple):
 
 
 _NOTHING = np.zeros(0)
-NO_LAYOUT = JointStateLayout(0, 0, 1, [], 0, 0, 0)
+NO_LAYOUT = JointStateLayout(b'like no message', [], 0, 0, 0)
 """Before the first message."""
 
 
 def layout_of(raw: bytes) -> JointStateLayout:
     """Return the layout of a serialised joint state ``raw``.
 
-    In that of `cdr`. Raises ValueError where its bytes are no joint state.
+    It is in the encoding of `cdr`. Raises ValueError where its bytes are no joint state, or have
+    too many names.
     """
     names = []
     try:
-        ends = [AFTER_STAMP, string(raw, AFTER_STAMP)[1]]
-        count, at = number(raw, ends[-1])
-        ends.append(at)
+        count, at = number(raw, string(raw, AFTER_STAMP)[1])
+        if count > MOST_NAMES:
+            raise ValueError(f'{count} names')
         for _ in range(count):
             name, at = string(raw, at)
-            names.append(name.decode(errors='replace'))
-            ends.append(at)
+            names.append(name.partition(b'\0')[0].decode(errors='replace'))
         end = number(raw, at)[1]
         count, at = doubles_at(raw, at)
     except (error, IndexError) as problem:
         raise ValueError(str(problem)) from None
-    mask = b''.join(
-        bytes(-one % 4) + b'\xff' * (other - one - -one % 4)
-        for one, other in pairwise([*ends, end])
-    )
-    known = int.from_bytes(mask, 'little')
-    strings = int.from_bytes(raw[AFTER_STAMP:end], 'little') & known
-    return JointStateLayout(
-        end, known, strings, names, count, at, at + DOUBLE.itemsize * count
-    )
+    return JointStateLayout(raw[AFTER_STAMP:end], names, count, at, at + DOUBLE.itemsize * count)
 
 
-def normalised(raw: bytes) -> bytes:
-    """Return a joint state ``raw`` in the layout of `cdr`, whatever encoding it has.
+def decodable(raw: bytes) -> tuple[bytes, JointStateLayout]:
+    """Return a joint state ``raw`` so that it can be decoded, and its layout.
 
-    The middleware's errors for bytes that are no joint state.
+    In another encoding the middleware translates it; its errors for bytes that are no joint state,
+    ValueError for too many names.
     """
     if raw.startswith(ENCAPSULATION):
-        return raw
+        with suppress(ValueError):
+            return raw, layout_of(raw)
     again: bytes = serialize_message(deserialize_message(raw, JointState))
-    return again
+    return again, layout_of(again)

@@ -11,6 +11,7 @@ from std_msgs.msg import Float64MultiArray
 from fault_tolerance.mechanism.catalogue import mechanism_named
 from fault_tolerance.nodes import command_publisher
 from fault_tolerance.nodes.command_publisher import CommandPublisher
+from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.timeline import TimeLine
 
 TOPIC = 'velocity_controller/commands'
@@ -37,12 +38,20 @@ def test_any_number_of_drives_gets_its_rates(probe, name):
 def test_another_publisher_of_commands_is_told_of_once_it_has_lasted(probe, monkeypatch):
     """One that was killed is known for some time."""
     monkeypatch.setattr(command_publisher, 'RIVAL_PATIENCE', 0.3)
-    publisher = publisher_of(probe, 'fsm_4_strut')
-    assert publisher.rivals() is None
+    publisher, timeline = publisher_of(probe, 'fsm_4_strut'), TimeLine(probe.node.get_clock())
+    health = Health(probe.node, timeline, 'controller', '', lambda: (0, 'well'))
+
+    def told():
+        publisher.check_publishers(health)
+        return health.told()[1]
+
+    alone = timeline.now() + 0.5
+    probe.wait(lambda: told() and timeline.now() > alone, 'a while alone')
+    assert told() == 'well'
     other = probe.node.create_publisher(Float64MultiArray, TOPIC, 10)
     probe.wait(lambda: probe.node.count_publishers(TOPIC) == 2, 'the other')
-    assert publisher.rivals() is None
-    probe.wait(publisher.rivals, 'a notice')
-    assert publisher.rivals().text.startswith(f'2 nodes publish /{TOPIC}')
+    assert told() == 'well'
+    expected = f'well; 2 publishers on /{TOPIC}: the drives follow whichever is the last'
+    probe.wait(lambda: told() != 'well', 'a warning')
+    assert told() == expected
     probe.node.destroy_publisher(other)
-    probe.wait(lambda: publisher.rivals() is None, 'the end of it')

@@ -19,8 +19,8 @@ from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.input_subscriber import InputSubscriber
 from fault_tolerance.nodes.serialised_joint_states import (
     SerialisedJointState,
+    decodable,
     layout_of,
-    normalised,
 )
 from fault_tolerance.nodes.spinning import Deferred
 from fault_tolerance.nodes.timeline import TimeLine
@@ -71,18 +71,14 @@ def test_bytes_that_are_no_joint_state_are_refused_or_read_for_what_they_say(dat
     assert all(isinstance(name, str) for name in names)
 
 
-def test_what_stands_between_strings_does_not_matter():
+def test_what_stands_between_strings_does_not_matter(inputs):
     """It is whatever was in the publisher's memory."""
-    names = ['a', 'bcdef', '']
-    raw = serialize_message(message(names, [1.0], frame='frame'))
-    layout, other = layout_of(raw), bytearray(raw)
-    padding = int.from_bytes(b'\xff' * (layout.end - 12), 'little') & ~layout.mask
-    assert padding.bit_count() == 8 * (2 + 2 + 2 + 3)
-    stuffed = int.from_bytes(raw[12 : layout.end], 'little') | padding
-    other[12 : layout.end] = stuffed.to_bytes(layout.end - 12, 'little')
-    assert bytes(other) != raw
-    assert deserialize_message(bytes(other), JointState).name == names
-    assert layout_of(bytes(other)) == layout
+    raw = serialize_message(inputs.message([1e-7] * 4))
+    assert raw[12:20] == b'\1\0\0\0\0' + raw[17:20]  # an empty frame, and padding
+    other = raw[:17] + b'\xee' * 3 + raw[20:]
+    assert deserialize_message(other, JointState).name == NAMES
+    for one in (raw, other, raw):
+        assert inputs.values(one) == [1e-7] * 4
 
 
 def big_endian(names, positions):
@@ -99,7 +95,29 @@ def big_endian(names, positions):
 def test_another_byte_order_is_left_to_the_middleware():
     raw = big_endian(NAMES, [1.0, -2.0, 3.0, 4.5])
     assert list(deserialize_message(raw, JointState).position) == [1.0, -2.0, 3.0, 4.5]
-    assert read(normalised(raw)) == (NAMES, array('d', [1.0, -2.0, 3.0, 4.5]).tobytes(), b'')
+    assert read(decodable(raw)[0]) == (NAMES, array('d', [1.0, -2.0, 3.0, 4.5]).tobytes(), b'')
+
+
+def with_names(names, positions):
+    """Return a joint state with ``names`` as bytes, whatever they are."""
+    raw = serialize_message(message([], []))[:20] + struct.pack('<I', len(names))
+    for name in names:
+        raw += struct.pack('<I', len(name)) + name + b'\0' * (-len(name) % 4)
+    raw += struct.pack('<I', len(positions))
+    raw += b'\0' * (-(len(raw) - 4) % 8) + struct.pack(f'<{len(positions)}d', *positions)
+    return raw + struct.pack('<II', 0, 0)
+
+
+@pytest.mark.parametrize('end', [b'', b'\0', b'\0\0\0'])
+def test_names_end_as_the_middleware_ends_them(end):
+    raw = with_names([name.encode() + end for name in NAMES], [1.0, 2.0, 3.0, 4.0])
+    assert list(deserialize_message(raw, JointState).name) == NAMES
+    assert read(decodable(raw)[0])[0] == NAMES
+
+
+def test_a_list_of_names_that_is_no_machine_is_refused():
+    with pytest.raises(ValueError, match='20000 names'):
+        decodable(with_names([b'\0'] * 20_000, [0.0]))
 
 
 class Inputs:

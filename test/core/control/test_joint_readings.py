@@ -159,3 +159,13 @@ def test_a_reader_goes_by_the_names_of_each_message():
         np.testing.assert_array_equal(values, POSITIONS)
     assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS) == (None, None)
     assert reader.readings([*NAMES[:3], 'elbow'], POSITIONS)[1].reason == 'missing_joint'
+
+
+def test_strangers_are_named_only_until_a_joint_of_the_mechanism_comes():
+    reader = JointStateReader(MECHANISM)
+    assert reader.readings(['gripper', 'finger'], [0.0, 1.0]) == (None, None)
+    assert reader.strangers == ('gripper', 'finger')
+    assert reader.readings([NAMES[0]], [float('nan')])[0] is None
+    assert reader.strangers == ()
+    assert reader.readings(['gripper'], [0.0]) == (None, None)
+    assert reader.strangers == ()

@@ -6,16 +6,16 @@
 import numpy as np
 import pytest
 
-from fault_tolerance.control.reading_filter import ReadingFilter
-from fault_tolerance.control.timed_input import TimedInput
+from fault_tolerance.control.reading_gate import ReadingGate
+from fault_tolerance.control.timed_input import TaskVelocity, TimedInput
 from fault_tolerance.mechanism.catalogue import mechanism_named
 
 
 @pytest.fixture(params=['joint state', 'task velocity'])
 def entry(request) -> TimedInput:
     if request.param == 'joint state':
-        return ReadingFilter(mechanism_named('mirror_4_strut'), 0.1, lambda values, _: values)
-    return TimedInput('task velocity', 0.1)
+        return ReadingGate(mechanism_named('mirror_4_strut'), 0.1, lambda values, _: values)
+    return TaskVelocity(4, 0.1)
 
 
 def is_stale(entry, now) -> bool:
@@ -53,7 +53,7 @@ def test_an_age_that_no_way_takes_is_asked_about(entry, age, asked):
 def test_a_value_older_than_the_last_is_refused_where_order_matters(entry):
     entry.offer(np.zeros(4), 1.0, 1.0)
     notice = entry.offer(np.ones(4), 1.01, 0.99)
-    ordered = isinstance(entry, ReadingFilter)
+    ordered = isinstance(entry, ReadingGate)
     assert (notice is not None) is ordered
     assert entry.value[0] == (0.0 if ordered else 1.0)
 

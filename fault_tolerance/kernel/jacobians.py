@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 from fault_tolerance.kernel import array_layout as at
 from fault_tolerance.kernel.array_layout import EstimateArrays, Model
-from fault_tolerance.kernel.jacobi_svd import (
+from fault_tolerance.kernel.scratch import matrix, set_zero, vector
+from fault_tolerance.kernel.small_matrices import (
     Decomposition,
     axpby,
-    copied,
+    copy_to,
     count_above,
     decomposed,
     dot,
@@ -24,7 +25,6 @@ from fault_tolerance.kernel.jacobi_svd import (
     orthonormalise,
     product,
 )
-from fault_tolerance.kernel.scratch import matrix, set_zero, vector
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
 from fault_tolerance.tolerances import RANK_TOLERANCE, ROUNDING_TOLERANCE
 
@@ -102,18 +102,18 @@ def constraint_null_space(
 ) -> FloatArray:
     """Write a basis (`freedom_of`, 6 + N) of the motions that ``rank`` constraints leave.
 
-    They are those of the ``structure``; no actuator is stuck yet. The twists are orthonormal where
-    the platform determines every actuator; elsewhere the motions are. Rates in lost struts are
-    zero. Returns ``out``.
+    They are those of the ``structure``; stuck actuators are not held here. The twists are
+    orthonormal where the platform determines every actuator; elsewhere the motions are. Rates in
+    lost struts are zero. Returns ``out``.
     """
     if len(m.chains.joints) == 0:
         for c in range(len(out)):
-            copied(m.given[c], out[c])
+            copy_to(m.given[c], out[c])
         return out
     scale, strut, rows, index = m.actuators.scale, m.chains.strut, e.rows, 6 - rank
     for c in range(index):
         free = structure.svd.right[rank + c]
-        copied(free, out[c])
+        copy_to(free, out[c])
         for j in range(len(strut)):
             out[c, 6 + j] = scale[j] * dot(rows[j], free) if is_attached(strut, failed, j) else 0.0
     for c in range(int(e.facts[at.SELF_MOTIONS])):
@@ -192,10 +192,10 @@ def kinematics_of(
     svd = decomposed(work, rates_of(motions, driving, rates))
     rank = count_above(svd.sigma, least)
     if rank < len(motions):
-        free = product(svd.right, rank, motions, matrix(work, len(motions) - rank, 6 + n))
-        twists = matrix(work, len(free), 6)
-        for c in range(len(free)):
-            copied(free[c, :6], twists[c])
+        loose = product(svd.right, rank, motions, matrix(work, len(motions) - rank, 6 + n))
+        twists = matrix(work, len(loose), 6)
+        for c in range(len(loose)):
+            copy_to(loose[c, :6], twists[c])
         uncontrolled = count_above(decomposed(work, twists).sigma, RANK_TOLERANCE)
         # What the actuators do not determine is chosen as the shortest motion.
         orthonormalise(motions)

@@ -29,21 +29,21 @@ drives that turn."""
 
 FROZEN_READINGS = 3
 """Readings in a row that the encoder of a limp drive repeats while others change, after which it
-counts as sensorless. A drive that its brake holds may do that too: `BrakeEvidence` goes by what is
-read, `encoder_values`."""
+counts as sensorless. A drive that its brake holds may do that too, so `BrakeEvidence` goes by
+`encoder_values`, which are what was read."""
 
 WHOLE_TURNS = 0.02
 """Share of a turn by which a jump may differ from whole turns to be called a wrap."""
 
 
-class ReadingFilter(TimedInput):
+class ReadingGate(TimedInput):
     """Accepts joint values as continuations of the last ones.
 
     Values older than the last ones are rejected. Those of an encoder with a period are unwrapped.
     Values that no drive can have reached since the last reading are rejected; a rejected jump does
-    not widen the allowed range for the next reading. After a gap, where the mechanism did not move
-    on command, and after `accept_next` any values are accepted. Limp drives and lost struts go as
-    fast as they like.
+    not widen the allowed range for the next reading. Any values are accepted after a gap, after
+    `accept_next`, and while the mechanism does not move on command. Limp drives and lost struts go
+    as fast as they like.
 
     ``timeout`` is the seconds without a reading that are a gap; rejections that last longer are a
     `rejection_reason`. ``find_turns``, see `closing_turns`, returns the values with whole periods
@@ -68,7 +68,7 @@ class ReadingFilter(TimedInput):
         """(N,): the last accepted values, also those of sensorless drives."""
         self._repeats = np.zeros(len(drives), np.intp)
         self._none: BoolArray = frozen(np.zeros(len(drives), bool))
-        self._received_at = self._rejected_at = -inf
+        self._stamp = self._received_at = self._rejected_at = -inf
         self._jumping_since = inf
         self.moving = False
         """Whether the mechanism moves on command: else by hand, perhaps."""
@@ -99,14 +99,15 @@ class ReadingFilter(TimedInput):
     def restart_clock(self) -> None:
         """Let the values be stale until the next ones, which are accepted."""
         super().restart_clock()
+        self._stamp = -inf
         self.accept_next()
 
     def offer(self, value: FloatArray, now: float, stamp: float | None) -> Notice | None:
         """Accept joint values, or return why they are rejected.
 
-        ``value`` (N,) is from home, rad or m, NaN where there is none; ``now`` and ``stamp`` as in
-        `TimedInput.offer`. It is kept unwrapped; a stuck drive without a reading is where it was
-        last, a limp one NaN.
+        ``value`` (N,) is from home, rad or m, NaN where there is none. It was received at ``now``
+        (s), and measured at ``stamp`` (s); None and what is ahead count as now. It is kept
+        unwrapped; a stuck drive without a reading is where it was last, a limp one NaN.
         """
         given = now if stamp is None or not isfinite(stamp) else min(stamp, now)
         if now - given > self.timeout:
@@ -181,8 +182,7 @@ def _plausible_speed(drive: Actuator) -> float:
     """Return how fast a ``drive`` may be read to move, rad/s or m/s."""
     if not isinf(drive.velocity):
         return drive.velocity
-    # Without a limit: half a stroke, or half a turn, from one reading to the next is too much.
+    # Without a limit: half a stroke, or a quarter of a turn, at once is too much.
     stroke = drive.position[1] - drive.position[0]
-    if not isinf(stroke):
-        return 0.25 * stroke / GRACE
-    return 0.25 * pi / GRACE if drive.kind == 'revolute' else inf
+    reach = 0.5 * pi if isinf(stroke) and drive.kind == 'revolute' else 0.5 * stroke
+    return reach / (SPEED_FACTOR * GRACE)

@@ -1,9 +1,9 @@
 # Copyright 2026 The fault_tolerance developers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Singular value decomposition by Jacobi rotations, and products, of small dense matrices.
+"""Vectors and small dense matrices: products, and singular values by Jacobi rotations.
 
-LAPACK spends most of a call on a 4 x 6 matrix on its way to the work.
+For a 4 x 6 matrix nearly all of a call of LAPACK is overhead.
 """
 
 from math import sqrt
@@ -42,7 +42,7 @@ def norm(a: FloatArray) -> float:
     return sqrt(dot(a, a))
 
 
-def copied(given: FloatArray, out: FloatArray) -> FloatArray:
+def copy_to(given: FloatArray, out: FloatArray) -> FloatArray:
     """Write a ``given`` vector (k,); return ``out``."""
     for i in range(len(given)):
         out[i] = given[i]
