@@ -19,7 +19,7 @@ from fault_tolerance.kernel.packing import workspace_size
 from fault_tolerance.kinematics.differential import DifferentialKinematics
 from fault_tolerance.mechanism.arrays import FloatArray, frozen, frozen_array
 from fault_tolerance.mechanism.task import COORDINATES
-from fault_tolerance.tolerances import POOR_BELOW, SINGULAR_BELOW
+from fault_tolerance.tolerances import SINGULAR_BELOW
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def resolved_rate(
     motions = np.vstack([scale[:, None] * (twist @ per_speed), follow]).T.copy()
     work = np.ones(workspace_size(0, 0, len(drives), len(task.rows)))
     wanted = asked_velocity(rows, requested, np.empty(len(requested)))
-    found = prioritised(work, rows, motions, wanted, SINGULAR_BELOW, POOR_BELOW)
+    found = prioritised(work, rows, motions, wanted, SINGULAR_BELOW)
     reduced = per_speed @ (found.first + found.second)
     achieved = kinematics.jacobian @ reduced
     complete = len(task.major) <= kinematics.mobility

@@ -25,6 +25,7 @@ from fault_tolerance.mechanism.description import Mechanism
 from fault_tolerance.mechanism.screws import difference
 from fault_tolerance.mechanism.targets import pose_target
 from fault_tolerance.mechanism.task import COORDINATES, Task
+from fault_tolerance.tolerances import POOR_BELOW
 
 DELAY = 1.0
 """Seconds from the stop to the move. By then the mechanism is at rest, and further failures by the
@@ -124,7 +125,7 @@ class ParkMove:
         task = Task(mechanism.task.coordinates, tuple(mechanism.park))
         slow = replace(mechanism.with_actuators(drives), task=task)
         law = law_of(model.settings)
-        law = law._replace(slow_below=0.0, hold_below=-1.0, singular_below=law.poor_below)
+        law = law._replace(slow_below=0.0, hold_below=-1.0, singular_below=POOR_BELOW)
         self._model = ControlModel(slow, model.settings, model.kernel, packed_model(slow, law))
 
     def command(self, estimate: Estimate, last: RateCommand, now: float) -> RateCommand | None:

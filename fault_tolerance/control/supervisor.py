@@ -59,7 +59,7 @@ class Supervisor:
     ) -> None:
         self.mechanism = mechanism
         self.settings = given = settings or Settings()
-        self._readings = ReadingGate(mechanism, given.joint_state_timeout, self._find_turns)
+        self._gate = ReadingGate(mechanism, given.joint_state_timeout, self._find_turns)
         self._velocity = TaskVelocity(len(mechanism.task.coordinates), given.command_timeout)
         self._ledger = FailureLedger(mechanism, given)
         self.still_reported = self._ledger.still_reported
@@ -101,7 +101,7 @@ class Supervisor:
     def apply_settings(self, settings: Settings) -> None:
         """Use other ``settings`` from the next step on; what has been latched stays."""
         self.settings = self._monitor.settings = self._ledger.settings = settings
-        self._readings.timeout = settings.joint_state_timeout
+        self._gate.timeout = settings.joint_state_timeout
         self._velocity.timeout = settings.command_timeout
         self.converter.acting = settings.convert == 'act'
         self.secondary.switch(settings.secondary == 'tolerance')
@@ -126,7 +126,7 @@ class Supervisor:
             taken[~(np.abs(taken) <= FARTHEST)] = np.nan
         taken.setflags(write=False)
         try:
-            notice = notice or self._readings.offer(taken, now, stamp)
+            notice = notice or self._gate.offer(taken, now, stamp)
         except Exception as error:  # unwrapping makes estimates, which may fail
             notice = Notice('internal_error', f'joint state rejected: {_text_of(error)}')
         if notice is None:
@@ -155,7 +155,7 @@ class Supervisor:
         update = self._ledger.apply(reports, now)
         if update.changed:
             self._outdated, self._reported_at = True, started
-            self._readings.set_failures(self.failures)
+            self._gate.set_failures(self.failures)
             # Only a stop for what cannot be tolerated is over with a conversion.
             if self.converter.confirms(self.failures) and isinstance(self._machine.stop, Estimate):
                 self._machine.release()
@@ -168,7 +168,7 @@ class Supervisor:
         needs has come into the processor's caches. With failures in force the steps themselves use
         that code. ``now`` is in seconds.
         """
-        ledger, values = FailureLedger(self.mechanism, self.settings), self._readings.value
+        ledger, values = FailureLedger(self.mechanism, self.settings), self._gate.value
         ledger.apply(reports, now)
         if values is None or self.failures or not self.kernel.compiled or np.isnan(values).any():
             return
@@ -181,8 +181,8 @@ class Supervisor:
         """
         self._pass_time(now)
         cleared = self._ledger.clear(now, seen)
-        self._readings.set_failures(self.failures)
-        self._readings.accept_next()
+        self._gate.set_failures(self.failures)
+        self._gate.accept_next()
         self._outdated, self._errors = True, 0
         self._parking.end()
         stopped = self._machine.release()
@@ -202,12 +202,12 @@ class Supervisor:
     def pause(self, paused: bool, now: float, why: str = 'paused') -> None:
         """Hold from ``now`` on while ``paused``; each reason ``why`` counts for itself."""
         self._pass_time(now)
-        self._readings.accept_next()
+        self._gate.accept_next()
         (self._pauses.add if paused else self._pauses.discard)(why)
 
     def restart_clock(self, now: float) -> None:
         """Wait for fresh inputs: the clock they are stamped by was set back to ``now``."""
-        self._readings.restart_clock()
+        self._gate.restart_clock()
         self._velocity.restart_clock()
         self._ledger.restart_clock(now)
 
@@ -219,23 +219,23 @@ class Supervisor:
         if now < self._now:
             self.restart_clock(now)
         self._now = now
-        readings, parking, stale = self._readings, self._parking, now > self._readings.deadline
+        gate, parking, stale = self._gate, self._parking, now > self._gate.deadline
         failures, last, present = self._ledger.failures, self._command, self._estimate
         command, requested, no_request = None, self._velocity.value, ''
         if requested is None or now > self._velocity.deadline:
             requested, no_request = self._velocity.zeros, self._velocity.missing_reason
         try:
             # Also while no reading is new: the CPU cache stays warm for the step after a failure.
-            if readings.value is not None and (self._outdated or not stale):
+            if gate.value is not None and (self._outdated or not stale):
                 if self._estimated != self._accepted:
                     self._estimate_before = present  # of the last reading: repeated steps agree
-                present = estimate(self._model, self._estimate_before, readings.value, failures)
+                present = estimate(self._model, self._estimate_before, gate.value, failures)
                 self._estimate, self._estimated, self._outdated = present, self._accepted, False
             unfit = '' if present.tolerated else present
             degraded = present if failures.parts else ''
             stop = self._ledger.stop_reason or (unfit if degraded else '')
-            hold: Reason = ', '.join(sorted(self._pauses)) or readings.rejection_reason
-            hold = hold or (readings.missing_reason if stale else present.hold_reason)
+            hold: Reason = ', '.join(sorted(self._pauses)) or gate.rejection_reason
+            hold = hold or (gate.missing_reason if stale else present.hold_reason)
             hold = hold or ('' if degraded else unfit)
             if present.located and not (stop or hold or self._machine.stop):
                 velocity = requested
@@ -261,14 +261,14 @@ class Supervisor:
             command = zero_command(command or last, failures, now)
         elif self._probe and self._probe[1] is failures and self._accepted <= self._probe[2]:
             command = command.with_probe(self._probe[0])
-        self._command, readings.moving = command, moving
+        self._command, gate.moving = command, moving
         if self._reported_at is not None and self.settings.clock is not None:
             self._reconfiguration_time = self.settings.clock() - self._reported_at
             self._reported_at = None
         self.output = Output(
             command, decision, failures, self._estimate, self._estimated, requested,
-            no_request, stale or readings.value is None, self._reconfiguration_time,
-            readings.sensorless, readings.encoder_values, self._monitor.notices, parking.text,
+            no_request, stale or gate.value is None, self._reconfiguration_time,
+            gate.sensorless, gate.encoder_values, self._monitor.notices, parking.text,
         )
         return self.output
 

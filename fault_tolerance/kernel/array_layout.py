@@ -16,7 +16,7 @@ from math import nan
 from typing import NamedTuple
 
 from fault_tolerance.mechanism.arrays import FloatArray, IntArray
-from fault_tolerance.tolerances import FARTHEST, POOR_BELOW, SINGULAR_BELOW
+from fault_tolerance.tolerances import FARTHEST, SINGULAR_BELOW
 
 N_SIZES = 6
 """Sizes at the head of ``counts``; the start offsets of all parts follow."""
@@ -93,8 +93,8 @@ class Law(NamedTuple):
     compliance, closing_compliance : float
         Singular values up to which structural constraints count as absorbed by the flexures:
         for the verdict, and while loops are closed.
-    singular_below, poor_below : float
-        Transmissions not driven: of any direction, and of a secondary one relative to the best.
+    singular_below : float
+        Transmissions not driven.
     home_transmission, home_gain : float
         What margins are measured by: transmission and platform gain at home.
     """
@@ -108,7 +108,6 @@ class Law(NamedTuple):
     compliance: float = 0.0
     closing_compliance: float = 0.0
     singular_below: float = SINGULAR_BELOW
-    poor_below: float = POOR_BELOW
     home_transmission: float = 1.0
     home_gain: float = 1.0
 
@@ -152,9 +151,7 @@ def model_of(counts: IntArray, numbers: FloatArray, work: FloatArray) -> Model:
     task = TaskRows(
         counts[c[5] : c[6]], every[:major], every[major:], every, v[p[3] : p[4]], v[p[4] : p[5]]
     )
-    law = Law(
-        v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12]
-    )
+    law = Law(v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11])
     actuators = Actuators(v[p[2] : p[3]], v[p[5] : p[6]], v[p[6] : p[7]], v[p[7] : p[8]])
     motions = v[p[8] : p[9]].reshape((given, 6 + n))
     offsets = counts[estimate_parts : estimate_parts + N_ESTIMATE_OFFSETS]

@@ -58,9 +58,7 @@ def command(
     n, motions, scale = len(readings), e.motions, m.actuators.scale
     target = credible(readings, vector(work, n))
     asked = asked_velocity(m.task, velocity, vector(work, len(velocity)))
-    priority = prioritised(
-        work, m.task, motions, asked, m.law.singular_below, m.law.poor_below
-    )
+    priority = prioritised(work, m.task, motions, asked, m.law.singular_below)
     result = command_of(set_zero(out))
     facts = result.facts
     facts[at.MAJOR_JUMP] = last.facts[at.MAJOR_JUMP]

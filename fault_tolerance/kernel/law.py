@@ -9,7 +9,7 @@ second; F equals T^ for driven actuators, and free ones follow (docs/theory.md, 
 1. *Task priority* (`prioritised`). x serves the major task exactly where it can (least squares
    where not), and among all such x the secondary task as well as it can (eq. 22). Directions with
    a transmission (a singular value) of at most `singular_below` are not driven. Secondary ones
-   below `poor_below` of the best major one are not either; they fade in up to twice that.
+   below `POOR_BELOW` of the best major one are not either; they fade in up to twice that.
 2. *Near singularities* (`commanding`) everything slows down, from the margin `slow_below` to 0 at
    `hold_below` (eq. 23).
 3. *Limits* (`limited`). Rates stay within ``lower <= F x <= upper``: the largest share of the
@@ -38,7 +38,12 @@ from fault_tolerance.kernel.small_matrices import (
     weighted_sum,
 )
 from fault_tolerance.mechanism.arrays import FloatArray
-from fault_tolerance.tolerances import LARGEST_SPEED, NEGLIGIBLE_RATE, RANK_TOLERANCE
+from fault_tolerance.tolerances import (
+    LARGEST_SPEED,
+    NEGLIGIBLE_RATE,
+    POOR_BELOW,
+    RANK_TOLERANCE,
+)
 
 
 class Priority(NamedTuple):
@@ -75,12 +80,11 @@ def prioritised(
     motions: FloatArray,
     asked: FloatArray,
     singular_below: float,
-    poor_below: float,
 ) -> Priority:
     """Return the reduced rates of ``motions`` for a task velocity ``asked`` (l,): step 1.
 
     The velocity is of the ``task``, m/s. Transmissions up to ``singular_below``, and secondary
-    ones up to ``poor_below`` of the best, are not driven.
+    ones up to `POOR_BELOW` of the best, are not driven.
     """
     n, m, q = len(motions), len(task.major), len(task.secondary)
     first, second, wanted = vector(work, n), set_zero(vector(work, n)), vector(work, m)
@@ -94,7 +98,7 @@ def prioritised(
     rank = count_above(svd.sigma, RANK_TOLERANCE * max(1.0, best))
     if rank < n and q > 0:
         columns = columns_of(task, motions, task.secondary, False, matrix(work, n, q))
-        least, missing = max(singular_below, poor_below * best), vector(work, q)
+        least, missing = max(singular_below, POOR_BELOW * best), vector(work, q)
         for i in range(q):
             missing[i] = asked[task.secondary[i]] - weighted_sum(columns, first, i)
         free = product(svd.right, rank, columns, matrix(work, n - rank, q))

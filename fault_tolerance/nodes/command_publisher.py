@@ -9,7 +9,7 @@ import numpy as np
 from geometry_msgs.msg import TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Float64MultiArray
 
 from fault_tolerance.mechanism.arrays import FloatArray
@@ -44,8 +44,7 @@ class CommandPublisher:
         self._frame = base_frame
         self._signs = mechanism.rates_from_readings(np.ones(len(mechanism.actuators)))
         self._rates = np.zeros(len(self._signs))
-        # A serialised message ends with its data; what comes before is always the same.
-        self._head = serialize_message(array_to_msg(self._rates))[: -self._rates.nbytes]
+        self._head = _head_of(len(self._signs))
         self._commands = node.create_publisher(
             Float64MultiArray, 'velocity_controller/commands', 10
         )
@@ -84,3 +83,16 @@ class CommandPublisher:
         self._rates[:] = 0.0
         self._commands.publish(self._head + self._rates.tobytes())
         self._commands.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIMEOUT))
+
+
+def _head_of(count: int) -> bytes:
+    """Return what stands before ``count`` rates in a serialised command.
+
+    Such a message ends with its data; what comes before is always the same. ValueError where the
+    middleware does it in another way.
+    """
+    zeros, told = np.zeros(count), np.arange(1.0, count + 1.0)
+    head: bytes = serialize_message(array_to_msg(zeros))[: -zeros.nbytes]
+    if list(deserialize_message(head + told.tobytes(), Float64MultiArray).data) != told.tolist():
+        raise ValueError('this middleware does not serialise commands as plain CDR')
+    return head

@@ -100,14 +100,15 @@ def vector_to_msg(stamp: Time, frame: str, vector: FloatArray) -> Vector3Stamped
 
 def joint_state_to_msg(
     stamp: Time, names: Sequence[str],
-    positions: FloatArray, velocities: FloatArray, efforts: FloatArray,
+    positions: FloatArray, velocities: FloatArray, efforts: FloatArray, frame: str = '',
 ) -> JointState:
     """Return the message for N joints.
 
-    ``stamp``, ``names``, and in their order ``positions``, ``velocities``, ``efforts`` (N,).
+    ``stamp``, ``names``, and in their order ``positions``, ``velocities``, ``efforts`` (N,), or
+    none; ``frame`` is its ``frame_id``.
     """
     return JointState(
-        header=Header(stamp=stamp), name=list(names),
+        header=Header(stamp=stamp, frame_id=frame), name=list(names),
         position=array('d', positions.tolist()),
         velocity=array('d', velocities.tolist()),
         effort=array('d', efforts.tolist()),

@@ -51,4 +51,3 @@ def modes_in(raw: bytes) -> StampedModes | None:
     except (error, IndexError, ValueError):
         return None
     return StampedModes(sec, nanosec, modes)
-

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
@@ -38,6 +39,7 @@ from fault_tolerance.nodes.late_service import Answer, LateService
 from fault_tolerance.nodes.messages import (
     FAILURE_MODE_KEY,
     diagnostics_to_msg,
+    joint_state_to_msg,
     nanoseconds_from_msg,
     pose_from_msg,
     status_to_msg,
@@ -125,13 +127,13 @@ class SilentFailures:
             self.monitor.rates = None
             self._supervisor.add_probe_rates(None)
         if self._commands.get_subscription_count():
-            message = JointState(name=list(self._mechanism.joint_state_names))
-            message.header.stamp = now.to_msg()
-            message.header.frame_id = PROBE if self.monitor.prober.straining else ''
-            if answered is not None:
-                message.position = self._mechanism.readings_from_values(answered).tolist()
-            message.velocity = self._mechanism.rates_from_readings(rates).tolist()
-            self._commands.publish(message)
+            mechanism, none = self._mechanism, np.zeros(0)
+            self._commands.publish(joint_state_to_msg(
+                now.to_msg(), mechanism.joint_state_names,
+                none if answered is None else mechanism.readings_from_values(answered),
+                mechanism.rates_from_readings(rates), none,
+                PROBE if self.monitor.prober.straining else '',
+            ))
 
     def observe(self, message: SerialisedJointState) -> None:
         """Take a joint state, the ``message``, after the command that answers it."""

@@ -41,7 +41,7 @@ class Limited:
         work[0] = 1.0
         wanted = asked_velocity(task, np.array(asked, float), np.empty(len(asked)))
         whole = prioritised(
-            work, task, found.motions, wanted, law.singular_below, law.poor_below)
+            work, task, found.motions, wanted, law.singular_below)
         low, high = (np.broadcast_to(np.asarray(one, float), (4,)) for one in (low, high))
         saturated = np.empty(4)
         self.scale, self.share = limited(
