@@ -12,9 +12,10 @@ command waits for.
 
 from __future__ import annotations
 
-from struct import Struct
+from struct import Struct, error
 
 import numpy as np
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from fault_tolerance.mechanism.arrays import FloatArray
 
@@ -28,6 +29,9 @@ STAMPED, AFTER_STAMP = 4, 12
 """Offsets of the stamp and of what follows it."""
 
 DOUBLE = np.dtype('<f8')
+
+UNDECODABLE = (error, ValueError, IndexError, rclpy_implementation.RMWError)
+"""Errors, of the functions here and of the middleware, for bytes that are no such message."""
 
 _COUNT = Struct('<I')
 

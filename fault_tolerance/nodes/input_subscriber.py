@@ -17,7 +17,14 @@ from sensor_msgs.msg import JointState
 from fault_tolerance.control.joint_states import JointStateReader
 from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.control.supervisor import Supervisor
-from fault_tolerance.nodes.cdr import AFTER_STAMP, DOUBLE, ENCAPSULATION, STAMP, STAMPED
+from fault_tolerance.nodes.cdr import (
+    AFTER_STAMP,
+    DOUBLE,
+    ENCAPSULATION,
+    STAMP,
+    STAMPED,
+    UNDECODABLE,
+)
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import twist_from_msg
 from fault_tolerance.nodes.serialised_joint_states import (
@@ -96,7 +103,7 @@ class InputSubscriber:
             message = SerialisedJointState(
                 *STAMP.unpack_from(raw, STAMPED), positions, raw, layout
             )
-        except Exception as error:  # the middleware's own, for bytes that are no such message
+        except UNDECODABLE as error:
             text = f'a joint state that cannot be decoded: {error}'
             self._health.warn(Notice('undecodable', text))
             return

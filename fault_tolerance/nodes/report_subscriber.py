@@ -24,6 +24,7 @@ from fault_tolerance.control.notices import Notice, clean
 from fault_tolerance.detection.suspicion import DETECTION
 from fault_tolerance.kinematics.failures import FailureMode
 from fault_tolerance.mechanism.description import Mechanism
+from fault_tolerance.nodes.cdr import UNDECODABLE
 from fault_tolerance.nodes.diagnostics_queue import DiagnosticsQueue
 from fault_tolerance.nodes.health import Health
 from fault_tolerance.nodes.messages import (
@@ -84,18 +85,21 @@ class ReportSubscriber:
         """Return what is read from a made-up report: see `Supervisor.rehearse`."""
         queue, now = DiagnosticsQueue(self._names), self._timeline.now()
         queue.put(self._sample, now)
-        return self._batch(queue.pop(now) or self._sample)
+        raw = queue.pop(now) or self._sample
+        return self._batch(modes_in(raw) or _decoded(raw))
 
     def read(self) -> None:
         """Read queued messages while the time budget lasts."""
         begin = self._timeline.now()
         while (raw := self._queue.pop(begin)) is not None:
+            batch = None
             try:
-                batch = self._batch(raw)
-            except Exception as error:  # the middleware's own, for bytes that are no such message
+                message = modes_in(raw) or _decoded(raw)
+            except UNDECODABLE as error:
                 text = f'diagnostics that cannot be decoded: {error}'
                 self._health.warn(Notice('undecodable', text))
-                batch = None
+            else:
+                batch = self._batch(message)
             read = self._timeline.now()
             if batch and batch.reports:
                 self._apply(batch)
@@ -103,8 +107,7 @@ class ReportSubscriber:
             self._queue.charge(read - begin, end - read)
             begin = end
 
-    def _batch(self, raw: bytes) -> Batch:
-        message = modes_in(raw) or _decoded(raw)
+    def _batch(self, message: StampedModes) -> Batch:
         seconds, reports = self._timeline.monotonic(message), []
         for name, hardware_id, level, mode in message.modes:
             if mode is None:

@@ -438,7 +438,8 @@ def test_strangers_alone_are_nobodys_business(asking, probe, health):
         asking.joint_states.publish(asking.joint_state([0.1, nan], name=['gripper', 'finger']))
         asking.step()
     probe.spin(1.2)
-    assert [key for key in health() if key.startswith('rejected')] == []
+    # The drives do not follow here; on a busy machine that lasts long enough to be told.
+    assert set(health()) <= {'warned_several_commanders', 'warned_not_followed'}
 
 
 def test_jumps_are_counted_and_not_followed(asking, probe, health):
